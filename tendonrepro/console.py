@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import html
 import re
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
 
 _CONTROLS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\ufffe\uffff]")
 """All but tabs and ends of lines, and what else YAML takes for an end of a line or refuses."""
+
+SHORT_SECONDS = 10.0
+"""Work that takes less leaves no line in a log, and no two lines are closer."""
 
 
 @dataclass(frozen=True)
@@ -31,15 +38,21 @@ class Talk:
 
     @contextmanager
     def bar(self, label: str, total: int) -> Iterator[Callable[[int], None]]:
-        """Show a progress bar while the block runs, if standard error is a terminal.
+        """Show progress while the block runs: a bar in a terminal or a notebook, else lines of a log.
 
         Yields
         ------
         callable
             To be called with the number of steps just done, `total` of them in all.
         """
-        if self.quiet or not sys.stderr.isatty():
+        if self.quiet or total < 1:
             yield lambda _: None
+            return
+        if _in_notebook():
+            yield _NotebookBar(label, total)
+            return
+        if not sys.stderr.isatty():
+            yield _Log(self, label, total)
             return
         from rich.console import Console
         from rich.progress import Progress
@@ -53,6 +66,53 @@ QUIET = Talk(quiet=True)
 """Says nothing but errors."""
 
 
+class _Log:
+    """Tells steps as lines: one each tenth or each minute, and none of what takes a few seconds."""
+
+    def __init__(self, talk: Talk, label: str, total: int) -> None:
+        self._talk, self._label, self._total, self._done = talk, label, total, 0
+        self._began, self._told = time.monotonic(), (0.0, 0.0)
+
+    def __call__(self, steps: int) -> None:
+        self._done += steps
+        share, seconds = self._done / self._total, time.monotonic() - self._began
+        since, later = share - self._told[0], seconds - self._told[1]
+        # Shares are sums of steps, and 0.3 - 0.2 is less than 0.1.
+        if share < 1.0 and later >= SHORT_SECONDS and (since > 0.1 - 1e-9 or later >= 60.0):
+            self._told = share, seconds
+            left = lasting(seconds * (1.0 - share) / share)
+            self._talk.note(f"{self._label}: {share:.0%} after {lasting(seconds)}, about {left} to go")
+
+
+class _NotebookBar:
+    """Shows steps as a bar below the cell, of HTML, which needs no library of widgets."""
+
+    def __init__(self, label: str, total: int) -> None:
+        self._label, self._total, self._done, self._told = label, total, 0, time.monotonic()
+        # A notebook has it; nothing else needs it.
+        self._shown: Any = import_module("IPython.display").DisplayHandle()
+        self._shown.display(self)
+
+    def __call__(self, steps: int) -> None:
+        self._done += steps
+        # A browser that is told of every step falls behind.
+        if time.monotonic() - self._told > 0.2 or self._done >= self._total:
+            self._told = time.monotonic()
+            self._shown.update(self)
+
+    def __repr__(self) -> str:
+        return f"{self._label}: {self._done} of {self._total}"
+
+    def _repr_html_(self) -> str:
+        return f'<progress max="{self._total}" value="{self._done}"></progress> {html.escape(repr(self))}'
+
+
+def _in_notebook() -> bool:
+    """Whether this process is the kernel of a notebook, which alone can show a bar."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return "IPKernelApp" in getattr(shell, "config", {})
+
+
 def without_controls(text: str) -> str:
     r"""A text in which names cannot speak to a terminal: control characters as in JSON, which stays JSON.
 
@@ -60,6 +120,17 @@ def without_controls(text: str) -> str:
     'q2 \\u001b[31m'
     """
     return _CONTROLS.sub(lambda match: f"\\u{ord(match[0]):04x}", text)
+
+
+def lasting(seconds: float) -> str:
+    """A time in words.
+
+    >>> [lasting(seconds) for seconds in (3.2, 1000, 1e7)]
+    ['3 s', '17 minutes', '2,778 hours']
+    """
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} minutes" if seconds < 7200.0 else f"{seconds / 3600.0:,.0f} hours"
 
 
 def count_of(number: int, noun: str, plural: str | None = None) -> str:

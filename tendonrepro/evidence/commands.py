@@ -46,13 +46,14 @@ def predict(
     """
     from tendonrepro import __version__
     from tendonrepro.configuration.ensemble import load_plants, with_all_controllers
+    from tendonrepro.evidence.predict import predicted_cost
     from tendonrepro.evidence.predict_report import asked_for, default_readings_on, predict_result
     from tendonrepro.files import digest_of
     from tendonrepro.monte_carlo.plan import ROOMS, code_digest
 
     loaded = with_all_controllers(load_plants(config, spread, ranges, overrides=set, seed=seed))
     names = readings or default_readings_on(loaded)
-    asked_for(loaded, draws, names)
+    chosen = asked_for(loaded, draws, names)
     made_by = __version__, code_digest(*ROOMS, "evidence"), loaded.sha256, loaded.base.sha256
     states = f"plants-{digest_of({'made_by': made_by})[:16]}"  # those of others are not taken up
     return Study(
@@ -60,6 +61,7 @@ def predict(
         lambda site: predict_result(loaded, draws, names, site.talk, site.files / states),
         folder,
         decided_by={"draws": draws, "readings": names},
+        cost=predicted_cost(loaded, len(chosen), draws),
         keep=states,
         stored=True,
     )

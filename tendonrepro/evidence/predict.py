@@ -19,12 +19,14 @@ from tendonrepro.configuration.models.control import FIRST, LOADED, RUNS, SECOND
 from tendonrepro.configuration.models.readings import Reading, under
 from tendonrepro.console import Talk
 from tendonrepro.monte_carlo.kept import Kept
+from tendonrepro.monte_carlo.plan import SECONDS_PER_EXPERIMENT
 from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.parallel import processors
 from tendonrepro.physics.control import Law, estimator_weights, polynomial
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.loop import DesiredMotion, Loop, TimeDelayController
+from tendonrepro.studies.study import cost_of
 
 PUBLISHED_PERIOD = 1e-3
 """Sampling period, s, of which the doubled one is a variation."""
@@ -210,6 +212,13 @@ class Prediction:
     median: float
     low: float
     high: float
+
+
+def predicted_cost(loaded: LoadedEnsemble, readings: int, draws: int) -> dict[str, float]:
+    """Experiments of a prediction, and about how many hours of one processor they take."""
+    base = [run for run in RUNS if run in loaded.compare.runs]
+    experiments = draws * readings * (len(base) + len(experiments_on(loaded)))
+    return cost_of(experiments, SECONDS_PER_EXPERIMENT)
 
 
 def predictions(

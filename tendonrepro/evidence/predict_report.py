@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tendonrepro.configuration.ensemble import LoadedEnsemble, draws_rows, readings_on
 from tendonrepro.configuration.models.experiment import errors_from
-from tendonrepro.configuration.models.readings import parse_reading
+from tendonrepro.configuration.models.readings import Reading, parse_reading
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.evidence.predict import (
@@ -36,11 +36,11 @@ READINGS = (
 """Interpretations whose predictions are asked for unless others are named."""
 
 
-def asked_for(loaded: LoadedEnsemble, draws: int, readings: str) -> None:
-    """Raise a UsageError for too few or many draws, or an unknown interpretation."""
+def asked_for(loaded: LoadedEnsemble, draws: int, readings: str) -> tuple[Reading, ...]:
+    """Interpretations by name; a UsageError for an unknown one, or too few or many draws."""
     if not LEAST <= draws <= MOST_DRAWS:
         raise UsageError(f"must be {LEAST} to {MOST_DRAWS} plants, found {draws}", where="--draws")
-    readings_on(loaded, readings)
+    return readings_on(loaded, readings)
 
 
 def predict_result(

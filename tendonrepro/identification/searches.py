@@ -34,7 +34,6 @@ from tendonrepro.identification.search import SEARCHES, SearchPoints
 from tendonrepro.identification.space import space_of
 from tendonrepro.monte_carlo.plan import ROOMS, code_digest
 from tendonrepro.monte_carlo.population import Population
-from tendonrepro.monte_carlo.report import work_text
 from tendonrepro.parallel import as_ready, check_jobs, processors
 from tendonrepro.physics.metrics import START
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
@@ -43,7 +42,7 @@ from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result
-from tendonrepro.studies.study import Site, Study, folder_of
+from tendonrepro.studies.study import Site, Study, cost_of, folder_of
 
 Results: TypeAlias = dict[str, tuple[SearchAnswer, CompareConfig]]
 """Numbers and best plant by reading."""
@@ -102,10 +101,7 @@ class IdentificationTask:
         """Experiments at most, and about how many hours of one processor they take."""
         plants = self.evaluations * len(self.cases())
         experiments = plants * len(self.fitted)
-        return {
-            "experiments": experiments,
-            "processor_hours": experiments * SECONDS_PER_EXPERIMENT / 3600.0,
-        }
+        return cost_of(experiments, SECONDS_PER_EXPERIMENT)
 
     def outline(self) -> Json:
         """What is known beforehand."""
@@ -200,7 +196,7 @@ def identification(
         return _result(task, head, _searches(task, site.files / states, jobs, site.talk), site.files)
 
     base = replace(loaded.base, sha256=identity, inputs=(*loaded.base.inputs, *_files(errors)))
-    return Study(base, run, folder, keep=states, stored=True, plan=_plan(task, head))
+    return Study(base, run, folder, keep=states, stored=True, plan=_plan(task, head), cost=task.cost())
 
 
 def _files(errors: Path | None) -> list[Path]:
@@ -240,15 +236,13 @@ def _window(loaded: LoadedEnsemble, window: Window) -> Window:
 def _plan(task: IdentificationTask, head: Json) -> Json:
     """What ``--json`` of a dry run says."""
     searches = count_of(len(head["searches"]), "search", "searches")
-    cost = task.cost()
-    text = f"identify would make {searches} of {head['evaluations']} plants: {work_text(*cost.values())}"
+    text = f"identify would make {searches} of {head['evaluations']} plants"
     text += f"\nwould write to {head['out']}"
     readings = [reading.name for reading in task.readings]
     return {
         **head,
         "config_sha256": task.loaded.sha256,
         "readings": readings,
-        "cost": cost,
         "text": text,
     }
 
@@ -305,7 +299,6 @@ def _searches(task: IdentificationTask, states: Path, jobs: int, talk: Talk) -> 
     simulate = partial(simulate_batch, threads=threads)
     task = replace(task, bench=replace(task.bench, simulate=simulate))
     results: Results = {}
-    talk.note(f"at most {work_text(*task.cost().values())}")
     with talk.bar("searching", task.evaluations * len(cases)) as progress:
         # In this process a search tells each plant, in another one only its end.
         work = partial(_searched, task, states, progress if processes == 1 else None)

@@ -9,6 +9,7 @@ from dataclasses import replace
 from fnmatch import fnmatch
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +35,7 @@ from tendonrepro.monte_carlo.evaluate import Simulate, evaluated, refuse_alone
 from tendonrepro.monte_carlo.figures import ensemble_figures
 from tendonrepro.monte_carlo.plan import ARMS, SCHEMA_VERSION, EnsembleStudy, code_digest
 from tendonrepro.monte_carlo.population import population_of
-from tendonrepro.monte_carlo.report import cost_text, ensemble_tables, population_summary
+from tendonrepro.monte_carlo.report import ensemble_tables, population_summary
 from tendonrepro.monte_carlo.shares import LEAST_SCRAMBLINGS
 from tendonrepro.parallel import Done, Item, as_ready, check_jobs
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
@@ -44,7 +45,7 @@ from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result
-from tendonrepro.studies.study import Site, Study, folder_of
+from tendonrepro.studies.study import Site, Study, cost_text, folder_of
 
 SUMMARY_VERSION = 2
 """Of ``summary.json``: from 2 on the first population stands under ``populations`` alone."""
@@ -154,10 +155,8 @@ def ensemble_study(
         pieces = [piece for piece in planned if np.isin(piece.plants, missing[piece.population]).any()]
         ahead, resumed = study.cost(sum(len(piece.plants) for piece in pieces)), len(planned) - len(pieces)
         if resumed:
-            talk.note(f"{resumed} of {len(planned)} blocks are on disk already")
+            talk.note(f"{resumed} of {len(planned)} blocks are on disk already; left are {cost_text(ahead)}")
         stream = on_cluster(make, pieces, dask) if dask else as_ready(make, pieces, jobs)
-        if pieces:
-            talk.note(cost_text(ahead))
         started = time.perf_counter()
         with talk.bar("simulating", len(pieces)) as progress, closing(stream):
             # This process is the only writer.
@@ -170,13 +169,13 @@ def ensemble_study(
         return _result(study, draws, site.files, speed, resumed)
 
     base = replace(study.loaded.base, sha256=study.identity)
-    plan = _plan(study, draws)
-    return Study(base, run, folder, keep=SHARDS, stays=True, stored=True, numbers="summary", plan=plan)
+    keeps: dict[str, Any] = {"keep": SHARDS, "stays": True, "stored": True, "numbers": "summary"}
+    cost = study.cost(sum(plants.values()))
+    return Study(base, run, folder, plan=_plan(study, draws), cost=cost, **keeps)
 
 
 def _plan(study: EnsembleStudy, draws: int) -> dict[str, object]:
     """What ``--json`` of a dry run says."""
-    cost = study.cost(sum(study.draws_of(name, draws) for name in study.populations))
     readings = count_of(len(study.readings), "reading")
     arms = f" {study.loaded.around.told}" if study.loaded.around else ""
     return {
@@ -184,9 +183,8 @@ def _plan(study: EnsembleStudy, draws: int) -> dict[str, object]:
         "experiment": "ensemble",
         "config_sha256": study.loaded.sha256,
         "draws": draws,
-        "cost": cost,
         "blocks": len(study.pieces(draws)),
-        "text": f"ensemble: {draws} draws{arms}, {readings}: {cost_text(cost)}",
+        "text": f"ensemble: {draws} draws{arms}, {readings}",
     }
 
 

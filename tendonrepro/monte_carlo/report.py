@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations, product
 
 import numpy as np
@@ -12,7 +12,6 @@ from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models.control import unloaded_run
 from tendonrepro.configuration.models.readings import PRINTED, Reading, parse_reading, under
 from tendonrepro.configuration.rows import Draw
-from tendonrepro.console import count_of
 from tendonrepro.experiments.loops import slow_error_ratio
 from tendonrepro.files import Json
 from tendonrepro.monte_carlo.data import EnsembleData
@@ -177,30 +176,3 @@ def _pair_tables(summary: Json) -> Iterator[Table | str]:
     )
     if not any(row["arms"] for row in pairs):
         yield "No two runs are stable on one arm. tendonrepro explain says how far from stable each loop is."
-
-
-def cost_text(cost: Mapping[str, float]) -> str:
-    """What an ensemble costs, in words.
-
-    Examples
-    --------
-    >>> cost_text({"experiments": 130560, "processor_hours": 0.29, "gigabytes": 0.0243})
-    '130,560 experiments, about 17 minutes of one processor and 24 MB'
-    >>> cost_text({"experiments": 1e9, "processor_hours": 2900.0, "gigabytes": 243.2})
-    '1,000,000,000 experiments, about 2,900 hours of one processor and 243 GB'
-    """
-    size = cost["gigabytes"]
-    takes = f"{size:.0f} GB" if size >= 2.0 else f"{max(1e3 * size, 1.0):.0f} MB"
-    return f"{work_text(cost['experiments'], cost['processor_hours'])} and {takes}"
-
-
-def work_text(experiments: float, hours: float) -> str:
-    """Experiments and the hours of one processor that they take, in words.
-
-    Examples
-    --------
-    >>> work_text(40200, 0.08)
-    '40,200 experiments, about 5 minutes of one processor'
-    """
-    lasts = f"{hours:,.0f} hours" if hours >= 2.0 else count_of(round(max(60.0 * hours, 1.0)), "minute")
-    return f"{experiments:,.0f} experiments, about {lasts} of one processor"

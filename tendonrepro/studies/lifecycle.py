@@ -22,7 +22,7 @@ from tendonrepro.files import Json
 from tendonrepro.parallel import Done, Item, Start, interrupts_blocked, workers
 from tendonrepro.results.store import MANIFEST, NewResult, make_manifest, refuse_others, replaced
 from tendonrepro.studies.result import Result, begin_drawing, figure_formats
-from tendonrepro.studies.study import Answer, Site, Study
+from tendonrepro.studies.study import Answer, Site, Study, cost_text
 
 AGAINST = 3
 """Exit code of a check that fails."""
@@ -60,7 +60,7 @@ def carry_out_together(
     `carry_out`; then no folder changes.
     """
     for study in studies:
-        _tell_remarks(study, talk)
+        _tell_ahead(study, talk)
     formats = [study.formats for study in studies]
     with ExitStack() as stack:
         places = [stack.enter_context(_replaced(study, talk)) for study in studies]
@@ -98,6 +98,8 @@ def result_of(study: Study) -> Result:
 
 
 def _in_memory(study: Study, talk: Talk) -> Result:
+    if study.cost:
+        talk.note(cost_text(study.cost))
     started = time.perf_counter()
     with tempfile.TemporaryDirectory() as files:
         result = study.run(Site(talk, Path(files)))
@@ -150,7 +152,7 @@ def _manifest(study: Study, result: Result, seconds: float) -> Json:
 
 def planned(study: Study, talk: Talk) -> dict[str, object]:
     """What ``--json`` prints of a dry run; tells what would be refused."""
-    _tell_remarks(study, talk)
+    _tell_ahead(replace(study, cost={}), talk)
     _ = study.formats  # a UsageError for one that there is not
     name, digest, target = study.command, study.digest, study.target
     try:
@@ -159,13 +161,18 @@ def planned(study: Study, talk: Talk) -> dict[str, object]:
         talk.note(f"a run would be refused: {error}")
     origin = study.loaded.origin if study.loaded else name
     text = f"{origin} is valid (sha256 {digest[:12]})\nwould write to {target}"
-    plan = {"dry_run": True, "config_sha256": digest, "out": str(target), "text": text}
-    return {"schema_version": 1, "command": name, **plan, **study.plan}
+    plan = {"dry_run": True, "config_sha256": digest, "out": str(target), "text": text, **study.plan}
+    if study.cost:
+        plan |= {"cost": dict(study.cost), "text": f"{plan['text']}\n{cost_text(study.cost)}"}
+    return {"schema_version": 1, "command": name, **plan}
 
 
-def _tell_remarks(study: Study, talk: Talk) -> None:
+def _tell_ahead(study: Study, talk: Talk) -> None:
+    """Say what a user should know before a study begins: keys without effect, and how long it takes."""
     for sentence in remarks(study.loaded) if study.loaded else ():
         talk.note(sentence)
+    if study.cost:
+        talk.note(cost_text(study.cost))
 
 
 def remarks(loaded: LoadedConfig) -> Iterator[str]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar, cast
 
-from tendonrepro.console import Talk, count_of
+from tendonrepro.console import Talk, count_of, lasting
 from tendonrepro.files import digest_of
 from tendonrepro.results.figures import formats_of
 from tendonrepro.studies.parameters import FOLDER, Destination, Folder
@@ -55,6 +55,9 @@ class Study:
         Stem of the file of numbers; else the command's name. None: traces hold them.
     plan : mapping
         What ``--json`` of a dry run says beside, or instead of, what it says of every study.
+    cost : mapping
+        Of what takes long, told before it begins: ``experiments`` at most, ``processor_hours`` of one
+        processor, ``gigabytes`` that stay.
     stored : bool
         Whether results are written from Python, too, though no folder is named: they took long.
     shown : bool
@@ -76,6 +79,7 @@ class Study:
     place: Path | None = None
     numbers: str | None = ""
     plan: Mapping[str, object] = field(default_factory=dict)
+    cost: Mapping[str, float] = field(default_factory=dict)
     command: str = ""
     again: str | None = None
 
@@ -108,6 +112,28 @@ def folder_of(command: str, folder: Destination) -> Path:
     """Results folder of a command, by default its own below reports."""
     out = folder.get("out")
     return Path("reports") / command if out is None else Path(out)
+
+
+def cost_of(experiments: float, seconds: float) -> dict[str, float]:
+    """Cost of experiments that take a processor so many seconds each."""
+    return {"experiments": experiments, "processor_hours": experiments * seconds / 3600.0}
+
+
+def cost_text(cost: Mapping[str, float]) -> str:
+    """What a study costs, in words; what is not known is not said.
+
+    Examples
+    --------
+    >>> cost_text({"experiments": 130560, "processor_hours": 0.29, "gigabytes": 0.0243})
+    '130,560 experiments, about 17 minutes of one processor and 24 MB'
+    >>> cost_text({"experiments": 1e9, "processor_hours": 2900.0})
+    '1,000,000,000 experiments, about 2,900 hours of one processor'
+    """
+    size, lasts = cost.get("gigabytes"), lasting(3600.0 * cost["processor_hours"])
+    text = f"{cost['experiments']:,.0f} experiments, about {lasts} of one processor"
+    if size is None:
+        return text
+    return f"{text} and {size:.0f} GB" if size >= 2.0 else f"{text} and {max(1e3 * size, 1.0):.0f} MB"
 
 
 @dataclass(frozen=True)

@@ -208,6 +208,13 @@ class TuningTask:
         published = self.loaded.around is None and compares_as_paper(self.loaded.compare)
         return "published" if published else "your own"
 
+    @property
+    def experiments(self) -> int:
+        """Runs that the searches on one plant ask for, each candidate without and with payload."""
+        effort = self.effort
+        searches = len(self.laws) * len(CONDITIONS) * 2 * effort.searches
+        return 2 * searches * (FIRST + effort.generations * effort.population * len(CAPS))
+
     def draw(self, number: int) -> TrialPlants:
         """Draw of a number from the box, or around a user's arm."""
         population, seed = population_of(self.loaded), int(self.loaded.config.seed.si)

@@ -24,7 +24,7 @@ from tendonrepro.parallel import as_ready, check_jobs
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result
-from tendonrepro.studies.study import Site, Study
+from tendonrepro.studies.study import Site, Study, cost_of
 from tendonrepro.tuning.bench import PUBLISHED, Candidate, loops_of, measure, usable
 from tendonrepro.tuning.laws import LAWS, TunedLaw, tuned_user_law
 from tendonrepro.tuning.report import SCHEMA_VERSION, tuning_result
@@ -32,6 +32,8 @@ from tendonrepro.tuning.search import TunedRow, TuningEffort, TuningTask
 
 MOST_DRAWS_PER_PLANT = 64  # looked at for each plant that is asked for; about one in four is usable
 
+SECONDS_PER_EXPERIMENT = 8e-4
+"""Time of a run of two joints on a fast processor; it grows with the square of their number."""
 
 # The scatter of a law is that of two searches at least.
 LEAST = {"plants": 1, "searches": 2, "generations": 2, "population": 4}
@@ -72,6 +74,8 @@ def tuning_study(
     made_by = SCHEMA_VERSION, __version__, code_digest(*ROOMS, "tuning")
     inputs = [loaded.sha256, base.sha256, asdict(effort), seed, plants, any_plant, sorted(task.laws)]
     identity = digest_of({"made_by": made_by, "inputs": inputs})
+    experiments = plants * task.experiments
+    cost = cost_of(experiments, SECONDS_PER_EXPERIMENT * (len(loaded.compare.joints) / 2) ** 2)
     states = f"plants-{identity[:16]}"  # those of another tuning are not taken up
 
     def run(site: Site) -> Result:
@@ -83,7 +87,7 @@ def tuning_study(
         return replace(tuning_result(task, rows), manifest=head)
 
     base = replace(base, sha256=identity, origin=loaded.origin)
-    return Study(base, run, folder, keep=states, stored=True)
+    return Study(base, run, folder, keep=states, stored=True, cost=cost)
 
 
 def _chosen(only: str, own: Sequence[TunedLaw]) -> dict[str, TunedLaw]:

@@ -18,7 +18,6 @@ from tendonrepro.files import digest_of
 from tendonrepro.identification.edits.report import SCHEMA_VERSION, edits_result
 from tendonrepro.identification.edits.runs import EditStudy
 from tendonrepro.identification.goal import Goal, own_numbers, printed_numbers
-from tendonrepro.monte_carlo.report import cost_text
 from tendonrepro.parallel import check_jobs
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.parameters import Folder
@@ -51,10 +50,8 @@ def edits_study(
     check_jobs(jobs)
     goal = goal_of(loaded, laws, errors)
     task = EditStudy(loaded, tuple(laws), goal, plants)
-    cost = task.cost
 
     def run(site: Site) -> Result:
-        site.talk.note(cost_text(cost))
         if seconds := errors_from(loaded.compare):
             site.talk.note(f"errors_from, {seconds:g} s, is left aside: errors are of whole runs")
         solver = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
@@ -66,9 +63,9 @@ def edits_study(
     numbers = [goal.runs, goal.values.tolist(), goal.half.tolist()]
     decided_by = {"edits": task.identity, "plants": plants, "errors": numbers}
     base = replace(base, sha256=digest_of(decided_by), origin=loaded.origin, inputs=inputs)
-    told = f"edits: {len(task.variants.edits)} edits on {plants} plants: {cost_text(cost)}"
-    plan = {"schema_version": SCHEMA_VERSION, "experiment": "edits", "cost": cost, "text": told}
-    return Study(base, run, folder, keep=KEPT, stays=True, stored=True, plan=plan)
+    told = f"edits: {len(task.variants.edits)} edits on {plants} plants"
+    plan = {"schema_version": SCHEMA_VERSION, "experiment": "edits", "text": told}
+    return Study(base, run, folder, keep=KEPT, stays=True, stored=True, plan=plan, cost=task.cost)
 
 
 def goal_of(loaded: LoadedEnsemble, laws: Sequence[UserLaw], errors: Path | None) -> Goal:
