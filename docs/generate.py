@@ -24,9 +24,11 @@ from pages import fresh
 from stored_results import DOCS, of_joints, stored
 
 from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.configuration.published import COMPARED, published
 from tendonrepro.configuration.shown import GROUPS
 from tendonrepro.evidence.figure_predictions import draw_predictions
 from tendonrepro.identification.edits.figures_edits import draw_edits
+from tendonrepro.monte_carlo.shares import printed_ratios
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.figures import draw_answer, draw_orders
 from tendonrepro.reporting.readings import read_shown
@@ -102,6 +104,7 @@ def context() -> dict[str, Any]:
         **of_searches(stored("identify")),
         **of_tables(stored("given")),
         **of_papers(stored("planted")),
+        **of_table_2(),
         "repeats": stored("repeats"),
         "stored": stored,
         "verdicts": verdicts,
@@ -197,8 +200,15 @@ def of_papers(planted: Mapping[str, Any]) -> dict[str, Any]:
     return {"planted": planted, "papers": papers, "unsaid": unsaid}
 
 
+def of_table_2() -> dict[str, Any]:
+    """What the paper's Table 2 has: Controller 1's lead on joint 2, degrees, and by how much 3 errs more than 2, %."""
+    first, second = (published().number(f"table2.controller_{k}.mae.joint_2") for k in (1, 2))
+    ratios = printed_ratios((1, 2), "rmse", COMPARED)
+    return {"lead": second - first, "rmse_3_over_2": tuple(100.0 / ratio - 100.0 for ratio in ratios)}
+
+
 PARTS = (
-    "the headline", "what it depends on", "the answer", "why", "robustness", "closest plants", "misfits",
+    "headline", "facts", "the answer", "why", "robustness", "closest plants", "misfits",
     "repeats", "intervals of recover", "readings", "claims", "numbers", "deciding unknowns", "questions", "experiments on starts", "given the tables",
     "planted papers", "how probable", "the bound", "the least misfits", "single edits", "every small change",
 )  # fmt: skip

@@ -31,6 +31,8 @@ ANSWER = {
     BOTH: ("changed: a sign of Eq. (15), Δ in degrees", "#555555"),
 }
 """Interpretations of `draw_answer`, each with its label and colour: all alike, something differs, changed."""
+_PAPER = "#B5405A"
+"""Colour of the paper's number."""
 _ANSWER_RATIO = (0.5, 1.72)
 """Ends of the axis of `draw_answer`."""
 
@@ -58,7 +60,7 @@ def draw_answer(shown: Shown) -> Drawing:
     panel.minorticks_off()
     panel.set_xlabel(
         "mean error of joint 2: Controller 1 (α-TDE) over Controller 2 (TDE)\n"
-        "bars: central 90 % of the stable arms, circles: medians"
+        "bars: central 90 % of the stable arms, rings: medians"
     )
     counts = [f"{percent(row['behind'])} of {row['plants']:,.0f}" for row, _, _ in rows]
     right = panel.secondary_yaxis("right")
@@ -70,11 +72,11 @@ def draw_answer(shown: Shown) -> Drawing:
     panel.text(paper, -0.8, f"paper, one run each: {paper:.2f} ", color=_PAPER, ha="right", va="center")
     panel.text(1.015, -0.8, "Controller 1 is worse →", va="center")
     caption = (
-        "Mean error of joint 2, Controller 1 over Controller 2, in six cases, and the paper's. Bars have the "
-        "central 90 % of the plants on which all three controllers are stable, circles are medians. At the "
-        "right is on how many Controller 1 errs more. A plant is an arm with its motion. Dark blue: the runs "
-        "differ by their controllers alone. Pale blue: something else differs, or is left unsaid. Grey: an "
-        "equation is changed."
+        "Error of Controller 1 over Controller 2 in six cases. It is the mean error of joint 2, and dashed "
+        "is the paper's. Bars have the central 90 % of the plants on which all three controllers are "
+        "stable; rings are medians. At the right is on how many Controller 1 errs more. A plant is an arm "
+        "with its motion. Dark blue: the runs differ by their controllers alone. Pale blue: something else "
+        "differs, or the paper leaves it unsaid. Grey: an equation is changed."
     )
     return Drawing("answer", figure, [panel], caption, origin=of_plants(shown))
 
@@ -86,8 +88,6 @@ _LOOKS = {
     "neither first nor last": ("#EDEDED", "black"),
     "Controller 1 last": ("#8A8A8A", "black"),
 }
-_PAPER = "#B5405A"
-"""Colour of the paper's number."""
 _LABELLED = 0.08
 """Shares from here on have their number in the bar."""
 

@@ -19,7 +19,7 @@ from tendonrepro.configuration.strict_yaml import Node
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import refuse_foreign, shipped, write_atomically
 from tendonrepro.reporting import contents
-from tendonrepro.reporting.figures import draw_orders
+from tendonrepro.reporting.figures import draw_answer, draw_orders
 from tendonrepro.reporting.stored import (
     PARTS,
     RESULTS,
@@ -29,7 +29,7 @@ from tendonrepro.reporting.stored import (
     other_arm,
     stored_under,
 )
-from tendonrepro.results.figures.style import imprint, journal_style
+from tendonrepro.results.figures.style import Drawing, imprint, journal_style
 from tendonrepro.results.store import MANIFEST
 from tendonrepro.verdicts.report import MAIN, claim_in_words
 from tendonrepro.verdicts.rules import VERDICTS
@@ -140,7 +140,10 @@ def page(sources: ReportSources, again: str | None = "tendonrepro report") -> st
         date=max(days)[:10],
         conditions=contents.conditions_in_words(),
         words={name: contents.rendered(name, sources.ensemble) for name in contents.WORDS},
-        picture=orders_picture(sources),
+        pictures={
+            "answer": drawn_plate(draw_answer(sources.ensemble)),
+            "orders": drawn_plate(draw_orders(sources.ensemble)),
+        },
         main=[verdicts[name] for name in MAIN],
         others=[judged for judged in verdicts.values() if judged.is_shown],
         verdicts=VERDICTS,
@@ -210,9 +213,9 @@ def _width_pt(path: Path) -> float:
     return float(width[1]) if width else math.inf
 
 
-def orders_picture(sources: ReportSources) -> dict[str, str]:
-    """Address and caption of the picture of the answer."""
-    content, drawn = BytesIO(), draw_orders(sources.ensemble)
+def drawn_plate(drawn: Drawing) -> dict[str, str]:
+    """Address and caption of a figure that is drawn for the page."""
+    content = BytesIO()
     with journal_style():
         imprint(drawn.figure, drawn.origin)
         drawn.figure.savefig(content, format="svg", metadata={"Date": None})

@@ -213,7 +213,7 @@ def details_text(verdict: Verdict) -> str:
 
 
 def _of_the_headline(verdict: Verdict) -> list[str]:
-    """Of an order also how often Controller 1 is last, and behind Controller 2, as README has it."""
+    """Of an order also how often Controller 1 is last, and behind Controller 2."""
     rows = verdict.evidence.get("beside", ())
     last = next((row for row in rows if row["statement"].startswith(f"{FIRST} has the largest")), None)
     if last is None:
