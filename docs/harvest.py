@@ -27,7 +27,6 @@ from tendonrepro.identification.goal import printed_numbers
 from tendonrepro.identification.misfit import Bench, nearest_draws
 from tendonrepro.identification.space import space_of
 from tendonrepro.monte_carlo.data import EnsembleData, read_ensemble
-from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.verdicts.planted import MOST_PLANTS, stable_errors
 from tendonrepro.simulation.batch import simulate_batch
@@ -189,8 +188,7 @@ def take_closest(folder: Path) -> None:
 def searches_of(found: Mapping[str, Any]) -> list[dict[str, Any]]:
     """What is kept of each interpretation in an ``identify.json``."""
     return [
-        {"physics_sha256": code_digest("physics")}
-        | {key: reading[key] for key in ("name", "misfit_log", "searches", "best_shape")}
+        {key: reading[key] for key in ("name", "misfit_log", "searches", "best_shape")}
         | {
             "unknowns": len(reading["rows_searched"]),
             "largest": max(reading["numbers"], key=lambda row: abs(math.log(row["ratio"]))),

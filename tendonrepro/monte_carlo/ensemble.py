@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Generator, Sequence
-from contextlib import closing
 from dataclasses import replace
 from fnmatch import fnmatch
 from functools import partial
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from tendonrepro import __version__
 from tendonrepro.configuration.ensemble import (
@@ -31,9 +28,9 @@ from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.user_law import UserLaw, with_user_laws
 from tendonrepro.files import Json, to_json
 from tendonrepro.monte_carlo.data import PLAN, SHARDS, read_ensemble
-from tendonrepro.monte_carlo.evaluate import Simulate, evaluated, refuse_alone
+from tendonrepro.monte_carlo.evaluate import Simulate, evaluated, fill, refuse_alone, still_missing
 from tendonrepro.monte_carlo.figures import ensemble_figures
-from tendonrepro.monte_carlo.plan import ARMS, SCHEMA_VERSION, EnsembleStudy, code_digest
+from tendonrepro.monte_carlo.plan import ARMS, SCHEMA_VERSION, EnsembleStudy
 from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.monte_carlo.report import ensemble_tables, population_summary
 from tendonrepro.monte_carlo.shares import LEAST_SCRAMBLINGS
@@ -150,19 +147,14 @@ def ensemble_study(
             name: RecordStore(shards / study.file_name(name, draws), study.record_of(name), count)
             for name, count in plants.items()
         }
-        missing = {name: store.missing() for name, store in stores.items()}
         planned = study.pieces(draws)
-        pieces = [piece for piece in planned if np.isin(piece.plants, missing[piece.population]).any()]
+        pieces = still_missing(planned, stores)
         ahead, resumed = study.cost(sum(len(piece.plants) for piece in pieces)), len(planned) - len(pieces)
         if resumed:
             talk.note(f"{resumed} of {len(planned)} blocks are on disk already; left are {cost_text(ahead)}")
         stream = on_cluster(make, pieces, dask) if dask else as_ready(make, pieces, jobs)
         started = time.perf_counter()
-        with talk.bar("simulating", len(pieces)) as progress, closing(stream):
-            # This process is the only writer.
-            for piece, records in stream:
-                stores[piece.population].put(piece.plants, records)
-                progress(1)
+        fill(stores, pieces, stream, talk)
         seconds = time.perf_counter() - started
         (site.files / PLAN).write_text(to_json(study.plan(draws)), encoding="utf-8")
         speed = ahead["experiments"] / seconds if pieces else None
@@ -241,7 +233,6 @@ def _result(study: EnsembleStudy, draws: int, folder: Path, speed: float | None,
         "tendonrepro_version": __version__,
         "config_sha256": study.loaded.sha256,
         "identity": study.identity,
-        "physics_sha256": code_digest("physics"),
         "of_paper": of_paper and not around,
         "seed": study.seed,
         "draws": draws,

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import replace
 from typing import TypeAlias
 
@@ -11,15 +12,19 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.user_law import UserLaw, refuse_memory, refused_on_lanes
 from tendonrepro.monte_carlo.plan import EnsembleStudy, Piece
-from tendonrepro.results.record_store import Records
+from tendonrepro.results.record_store import Records, RecordStore
 from tendonrepro.simulation.batch import Batch, simulate_batch
 from tendonrepro.simulation.loop import Loop
 
 Simulate: TypeAlias = Callable[[Sequence[Loop]], Batch]
 """Signature of `tendonrepro.simulation.batch.simulate_batch`."""
+
+Stores: TypeAlias = Mapping[str, RecordStore]
+"""A file of records for each population."""
 
 _STUB = 64
 """Samples in which it shows whether a law can run."""
@@ -31,15 +36,38 @@ def evaluated(
     """Records of the plants of a piece."""
     values = study.values(*piece)
     loops = [loop for of_plant in _loops(study, piece, values) for loop in of_plant]
-    batch = simulate(loops)
     records = np.empty(len(values), study.record_of(piece.population))
     records["draws"] = values
+    record(simulate(loops), records)
+    return piece, records
+
+
+def record(batch: Batch, records: Records) -> None:
+    """Write what became of runs, plant by plant, into the fields that records have for it."""
+    records["status"] = batch.status.reshape(records["status"].shape)
     # What overflows single precision is of a diverged run, and infinite for every purpose.
     with np.errstate(over="ignore"):
-        records["status"] = batch.status.reshape(len(values), -1)
-        for name, numbers in batch.statistics.items():
-            records[name] = numbers.reshape(records[name].shape)
-    return piece, records
+        for name in batch.statistics.keys() & {*(records.dtype.names or ())}:
+            records[name] = batch.statistics[name].reshape(records[name].shape)
+
+
+def still_missing(pieces: Sequence[Piece], stores: Stores) -> list[Piece]:
+    """Pieces with a plant of which a store has no record; they are run whole."""
+    missing = {name: store.missing() for name, store in stores.items()}
+    return [piece for piece in pieces if np.isin(piece.plants, missing[piece.population]).any()]
+
+
+def fill(
+    stores: Stores,
+    pieces: Sequence[Piece],
+    stream: Generator[tuple[Piece, Records], None, None],
+    talk: Talk,
+) -> None:
+    """Store the records of pieces as they come; this process is the only writer."""
+    with talk.bar("simulating", len(pieces)) as progress, closing(stream):
+        for piece, records in stream:
+            stores[piece.population].put(piece.plants, records)
+            progress(1)
 
 
 def _loops(study: EnsembleStudy, piece: Piece, values: Array) -> Iterator[list[Loop]]:

@@ -215,10 +215,13 @@ class EnsembleStudy:
 
     def cost(self, plants: int) -> dict[str, float]:
         """Estimate what some plants cost."""
-        experiments = plants * len(self.cases)
-        numbers = len(STATISTICS) * len(self.loaded.compare.joints) * 4 + 1
-        return {
-            "experiments": experiments,
-            "processor_hours": experiments * SECONDS_PER_EXPERIMENT / 3600.0,
-            "gigabytes": experiments * numbers / 1e9,
-        }
+        return cost_of(plants * len(self.cases), len(STATISTICS) * len(self.loaded.compare.joints))
+
+
+def cost_of(experiments: int, numbers: int) -> dict[str, float]:
+    """What experiments take, with so many numbers and a status kept of each."""
+    return {
+        "experiments": experiments,
+        "processor_hours": experiments * SECONDS_PER_EXPERIMENT / 3600.0,
+        "gigabytes": experiments * (numbers * 4 + 1) / 1e9,
+    }

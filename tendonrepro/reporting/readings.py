@@ -71,7 +71,7 @@ class Shown(NamedTuple):
         return self.readings["box"]
 
 
-HEAD = ("tendonrepro_version", "config_sha256", "physics_sha256", "draws", "scramblings", "cost")
+HEAD = ("tendonrepro_version", "config_sha256", "draws", "scramblings", "cost")
 """Keys of ``summary.json`` that ``docs/results/ensemble.json`` holds beside the drawn plants."""
 
 

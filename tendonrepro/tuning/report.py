@@ -10,7 +10,6 @@ from operator import itemgetter
 import numpy as np
 
 from tendonrepro.console import count_of
-from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.results.tables import Table
 from tendonrepro.studies.result import Result
 from tendonrepro.tuning.bench import CONDITIONS
@@ -217,7 +216,6 @@ def tuning_result(task: TuningTask, rows: Sequence[TunedRow]) -> Result:
         "experiment": "tune",
         "effort": asdict(task.effort),
         "seed": task.seed,
-        "physics_sha256": code_digest("physics"),
         "draws_looked_at": rows[-1]["draw"] + 1,
         "plants": plants,
         "any_plant": task.any_plant,

@@ -22,16 +22,12 @@ from tendonrepro.identification.goal import printed_numbers
 from tendonrepro.identification.misfit import Bench
 from tendonrepro.identification.space import space_of
 from tendonrepro.monte_carlo.ensemble import load_study
-from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.reporting.readings import read_shown
 from tendonrepro.simulation.batch import Batch, simulate_batch
 from tendonrepro.verdicts.judge import Sources, judge_all
 
 pytestmark = NEEDS_DOCS
-
-PHYSICS = "physics_sha256"
-"""Key of the digest of the physics that made a result."""
 
 SAME = 1e-4
 """Relative difference of an error that other rounding can make in a run without encoder steps."""
@@ -129,12 +125,6 @@ def test_every_claim_was_judged_by_that_ensemble() -> None:
     assert list(entries) == [verdict.id for verdict in judge_all(Sources())]
     assert ledger["ensemble"]["draws"] == ensemble["draws"]
     assert all(held["draws"] <= ensemble["draws"] for held in stored("decides").values())
-
-
-@pytest.mark.release
-def test_results_were_made_by_the_physics_of_today() -> None:
-    searches = {held[PHYSICS] for held in stored("identify")["readings"]}
-    assert searches | {stored(name)[PHYSICS] for name in ("ensemble", "tune")} == {code_digest("physics")}
 
 
 def test_no_tuned_law_lost_to_its_special_case() -> None:

@@ -14,7 +14,6 @@ from tendonrepro.configuration.published import METRICS
 from tendonrepro.identification.edits.rank import FEWEST, Likelihoods, Ranking, equal_order, planted, ranking
 from tendonrepro.identification.edits.runs import APART, EditStudy
 from tendonrepro.identification.goal import Goal
-from tendonrepro.monte_carlo.plan import code_digest
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.record_store import Records
 from tendonrepro.results.tables import Table
@@ -209,7 +208,6 @@ def edits_result(study: EditStudy, records: Records) -> Result:
     data: EditRow = {
         "schema_version": SCHEMA_VERSION,
         "experiment": "edits",
-        "physics_sha256": code_digest("physics"),
         "plants": study.plants,
         "runs": list(study.goal.runs),
         "joints": list(study.goal.joints),
