@@ -152,7 +152,7 @@ def page(sources: ReportSources, again: str | None = "tendonrepro report") -> st
         parts=[part(name, folder, sources) for name, folder in sources.parts.items()],
         again=[*dict.fromkeys(again_of(*result) for result in sources.manifests.items()), again],
         inconsistencies=_INCONSISTENCY.findall(docs("slips.md")),
-        questions=section("slips.md", "Questions to the authors"),
+        questions=section("predictions.md", "Questions to the authors"),
         predictions=section("predictions.md", "What the bench finds, and what it means"),
         values=values_by_arm(sources),
     )

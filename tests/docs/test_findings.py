@@ -424,18 +424,6 @@ def test_numbers_of_the_closest_arm() -> None:
         assert phrase in text_of(page), phrase
 
 
-def test_numbers_of_the_predictions_on_starts() -> None:
-    found = stored("predict_starts")
-    words = {14: "fourteen", 17: "seventeen"}
-    text = text_of("docs/predictions.md")
-    assert f"of {words[len(found['experiments'])]} experiments under {words[len(found['readings'])]}" in text
-    assert f"They are of {found['draws']} plants" in text
-    (slow,) = (held for held in found["experiments"] if held["name"] == "half_speed")
-    medians = {row["reading"]: row["median"] for row in slow["ratios"] if row["joint"] == 2}
-    absent, printed = medians["reference_acceleration=absent"], medians["printed"]
-    assert f"fall to {absent:.2f} of it, those that get their acceleration to {printed:.2f}." in text
-
-
 def errors_of(experiment: Any, *overrides: str) -> list[list[float]]:
     """MAE of Controllers 1 to 3 on joints 2 and 3, degrees; all of them have to be stable."""
     found = tables_of(experiment, *overrides)

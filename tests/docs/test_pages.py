@@ -355,6 +355,22 @@ def test_what_each_reading_does(setting: str, cells: list[str]) -> None:
             assert text == number or (text == "ok" and "/" in number)
 
 
+@pytest.mark.slow
+def test_what_other_readings_hardly_change() -> None:
+    text = section(page("slips.md"), "## What each interpretation does")
+    told, _, names = text.partition("These change no error by more than ")
+    most = float(names.partition("°")[0])
+    cells = next(cells for name, *cells in rows(told) if name == "plain arm")
+    plain = np.array([cell.split(" / ") for cell in cells], dtype=float)
+    settings = [token for token in inline(names) if "=" in token]
+    assert len(settings) > 10
+    for setting in settings:
+        data = tables_of("plain", setting)
+        now = [data["table2"][name]["mae_deg"][:2] for name in CONTROLLERS]
+        assert {data["status"][name] for name in CONTROLLERS} == {"ok"}, setting
+        assert np.abs(np.array(now) - plain).max() < most, setting
+
+
 # ---- traces ------------------------------------------------------------------------------------------------
 
 
