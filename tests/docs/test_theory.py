@@ -53,7 +53,7 @@ def test_white_noise_factors_quoted() -> None:
     ],
 )
 def test_ratios_of_other_readings_in_the_theory(row: str, settings: list[str], delay: int) -> None:
-    cells = cells_of("docs/theory.md", f"Controller 1 / Controller 2, {row}")
+    cells = cells_of("docs/theory.md", f"… {row}")
     config = load_config("plain", "compare", overrides=[f"control.readings.{one}" for one in settings]).config
     assert isinstance(config, CompareConfig)
     first, second = (build_law(config, name) for name in CONTROLLERS[:2])

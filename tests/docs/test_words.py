@@ -28,7 +28,7 @@ LIMITS = {
     "results.md": 3_840,
     "slips.md": 2_130,
     "tables.md": 1_420,
-    "theory.md": 3_100,
+    "theory.md": 1_820,
     "tune.md": 1_160,
     "tutorial.md": 1_280,
     "verdicts.md": 4_440,
