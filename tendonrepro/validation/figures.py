@@ -15,8 +15,8 @@ from tendonrepro.results.records import Trace, TraceFile
 _LABEL = "Thin, dashed: simulated"
 _DASHES = (4.0, 1.6)
 _WIDE, _WIDER, _THIN = 1.2, 1.6, 0.5
-"""Width of the last run's measured curve, how much wider each run before it is, and width of a simulated
-one, pt: where they lie on each other all can be seen."""
+"""Width of a panel's last measured curve, how much wider each one before it is, and width of a simulated one,
+pt: where they lie on each other all can be seen."""
 _PALE = 0.55
 """Share of white in the colour of a measured curve."""
 
@@ -34,18 +34,16 @@ def draw_overlay(name: str, measured: TraceFile, models: Mapping[str, Trace]) ->
     spec = FIGURES[name]
     traces = spec.traces(measured)
     joints = {joint for trace in traces for joint in trace.joint}
-    drawn: list[Trace] = []
+    simulated = {trace.name: models[trace.name].of_joints(joints) for trace in traces if trace.name in models}
+    file = replace(measured, runs=simulated)
+    drawn = spec.traces(file)
     with journal_style():
         sheet = spec.draw(measured, traces)
         for line in sheet.lines.values():
             line.set_linestyle("-")
             line.set_zorder(1.5 if line.get_linewidth() < REFERENCE.width else 1.2)
-        for above, trace in enumerate(traces, 1 - len(traces)):
-            if trace.name in models:
-                file = replace(measured, runs={trace.name: models[trace.name].of_joints(joints)})
-                for traced in spec.traces(file):
-                    _lay_over(sheet, spec.draw(file, [traced]), traced, _WIDE * _WIDER**-above)
-                    drawn.append(traced)
+        if drawn:
+            _lay_over(sheet, spec.draw(file, drawn))
         origin = "Measured, and simulated on the measured motion" if drawn else "Measured"
         return sheet.finish(name, caption_of(name, measured, sheet, _made(traces, drawn)), origin)
 
@@ -57,22 +55,23 @@ def _made(measured: list[Trace], simulated: list[Trace]) -> str:
     return f"{told}, wide and pale; {laid_over}" if simulated else f"{told}; no simulation"
 
 
-def _lay_over(sheet: Sheet, over: Sheet, model: Trace, wide: float) -> None:
-    """Add the curves of a simulated run, without the motion that it follows."""
+def _lay_over(sheet: Sheet, over: Sheet) -> None:
+    """Add the curves of simulated runs, without the motion that they follow."""
     # Letters count panels, and a measurement may have joints that the model has not.
     letters = {place: letter for letter, place in sheet.places.items()}
-    measured = sheet.lines
+    measured = dict(sheet.lines)
+    narrow = [key for key, line in measured.items() if line.get_linewidth() < REFERENCE.width]
     for (there, name), line in over.lines.items():
         letter = letters.get(over.places[there], "")
         if (letter, name) not in measured or "desired" in name.lower():
             continue
-        below = measured[letter, name]
-        colour = "#333333"
-        if below.get_linewidth() < REFERENCE.width:
+        below, colour = measured[letter, name], "#333333"
+        if (letter, name) in narrow:
             colour = str(below.get_color())
-            below.set(color=paler(colour, _PALE), linewidth=wide)
+            in_panel = [key for key in narrow if key[0] == letter]
+            above = len(in_panel) - 1 - in_panel.index((letter, name))
+            below.set(color=paler(colour, _PALE), linewidth=_WIDE * _WIDER**above)
         x, y = (np.asarray(values, float) for values in line.get_data())
-        diverged = model.status == "diverged"
-        stroke = Stroke(colour, _DASHES, _THIN)
+        stroke, diverged = Stroke(colour, _DASHES, _THIN), (there, name) in over.diverged
         sheet.curve(letter, f"{name} simulated", x, y, stroke, label=_LABEL, diverged=diverged)
         sheet.lines[letter, f"{name} simulated"].set_zorder(2.0)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import cache
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -44,7 +45,7 @@ UNITS = {
     "fig09": ["deg"],
     "fig06": ["", "", "deg", "deg"],
     **dict.fromkeys(("fig10", "fig11", "fig12", "fig13"), ["deg"] * 2),
-    **dict.fromkeys(("fig14", "fig16"), ["deg"] * 4),
+    **dict.fromkeys(("fig14", "fig16"), ["deg"] * 6),
     "fig15": ["rad/s", "rad/s", "N m", "N m", "N m", "N m"],
     "samples": ["rad/s", "rad/s", "N m", "N m"],
 }
@@ -200,6 +201,96 @@ def test_every_curve_and_band_is_inside_its_panel(name: str) -> None:
     for (letter, curve), height in heights:
         low, high = artists.axes[letter].get_ylim()
         assert low < height.min() <= height.max() < high, curve
+
+
+def larger_by(name: str, base: str, column: int) -> np.ndarray:
+    """How much larger the size of an error is than that of another run, degrees."""
+    first, second = (np.abs(np.rad2deg(compare_file().runs[run]["e"][:, column])) for run in (name, base))
+    return np.asarray(first - second)
+
+
+@pytest.mark.parametrize(
+    ("figure", "name", "base", "key"),
+    [
+        ("fig14", "controller_1", "controller_2", "Controller 1 less that of Controller 2"),
+        ("fig14", "controller_3", "controller_2", "Controller 3 less that of Controller 2"),
+        (
+            "fig16",
+            "controller_1_payload",
+            "controller_1",
+            "Controller 1, 0.2 kg payload less that without payload",
+        ),
+    ],
+)
+def test_the_lowest_panels_have_the_sizes_of_errors_less_those_of_one_run(
+    figure: str, name: str, base: str, key: str
+) -> None:
+    """As 50 ms means, on the time axis and in the strokes of the panels above, and marked as ours."""
+    artists, time = drawn(figure), compare_file().runs[name].time
+    for column, letter in enumerate("ef"):
+        line, above = artists.lines[letter, key], artists.lines["cd"[column], key.partition(" less")[0]]
+        expected = larger_by(name, base, column)
+        times = np.asarray(line.get_xdata())
+        assert (times[0], times[-1]) == (time[0], time[-1])
+        for k in range(1, len(times) - 1, 7):
+            near = np.abs(time - times[k]) < 0.0251
+            assert values(line)[k] == pytest.approx(expected[near].mean(), abs=1e-12)
+        assert values(line).mean() == pytest.approx(expected.mean(), abs=0.002)
+        assert (line.get_color(), line.get_linestyle()) == (above.get_color(), above.get_linestyle())
+        panel = artists.axes[letter]
+        assert panel.get_xlim() == artists.axes["a"].get_xlim()
+        assert panel.get_title() == artists.axes["ab"[column]].get_title().replace("ab"[column], letter)
+        assert panel.get_title(loc="right")
+    assert len([key for key in artists.lines if key[0] == "e"]) == (2 if figure == "fig14" else 1)
+
+
+def test_errors_are_compared_with_another_run_where_controller_2_is_not_there_to_the_end() -> None:
+    file = make_compare_file(diverged={"controller_2": 4.23})
+    lines = draw(14, file).lines
+    assert {name for letter, name in lines if letter == "f"} == {
+        "Controller 2 less that of Controller 1",
+        "Controller 3 less that of Controller 1",
+    }
+    assert np.asarray(lines["f", "Controller 2 less that of Controller 1"].get_xdata())[-1] == pytest.approx(
+        4.23
+    )
+    low, high = draw(14, file).axes["f"].get_ylim()
+    assert max(abs(low), abs(high)) < 1.0
+    two = make_compare_file(runs=("controller_1", "controller_3"))
+    assert [*draw(14, two).lines][-1] == ("f", "Controller 3 less that of Controller 1")
+
+
+@pytest.mark.parametrize(
+    "held",
+    [
+        {"runs": ("controller_1",)},
+        {"diverged": {"controller_1": 4.0, "controller_2": 5.0, "controller_3": 6.0}},
+        {"without": ("e",)},
+    ],
+    ids=["one run", "all diverged", "no errors"],
+)
+def test_there_is_no_panel_of_differences_where_there_are_none(held: dict[str, Any]) -> None:
+    artists = draw(14, make_compare_file(step=0.05, **held))
+    assert [*artists.axes] == [*"abcd"]
+    assert "difference" not in artists.caption
+
+
+def test_measured_errors_are_compared_at_the_same_times_of_the_same_motion() -> None:
+    """Logs have times and gaps of their own, and may begin elsewhere in the motion."""
+    file = make_compare_file(source="measured")
+    second = file.runs["controller_2"]
+    e = second["e"].copy()
+    e[300:400] = np.nan
+    kept = slice(100, -100, 3)
+    variables = {name: value[kept] for name, value in (second.variables | {"e": e}).items()}
+    sparse = replace(second, time=second.time[kept], variables=variables)
+    line = draw(14, with_runs(file, controller_2=sparse)).lines["e", "Controller 1 less that of Controller 2"]
+    times = np.asarray(line.get_xdata())
+    assert (times[0], times[-1]) == pytest.approx((1.0, 17.0), abs=0.03)
+    assert not ((times > 3.05) & (times < 3.95)).any()
+    later = replace(sparse, time=sparse.time - sparse.time[0])
+    names = {name for _, name in draw(14, with_runs(file, controller_2=later)).lines}
+    assert not [name for name in names if " less " in name]
 
 
 def test_motor_angles_come_from_the_coupling_matrix() -> None:

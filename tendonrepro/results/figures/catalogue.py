@@ -110,7 +110,8 @@ def caption_of(name: str, file: TraceFile, sheet: Sheet, made: str) -> str:
     beside = [spec.of_paper] if spec.of_paper and of_paper(file) else []
     if {"e", "q_encoder"} & {*spec.needs} and any(trace.of_motors for trace in spec.traces(file)):
         beside.append("Angles and errors are of the motors, at whose encoders the law looks.")
-    return " ".join([*title, spec.caption, *beside, f"{made}, {windows}."])
+    told = [sheet.told] if sheet.told else []
+    return " ".join([*title, spec.caption, *told, *beside, f"{made}, {windows}."])
 
 
 def runs_of(traces: list[Trace]) -> str:

@@ -40,7 +40,8 @@ class Sheet:
 
     `labels` are (title, y label) of the grid's panels, whose time axes are `shared` by all, or by those of a
     column. Titled panels `beside`, at the left over all rows, are `pictures`, which have no time axis. A
-    `note` on the bands stands in the legend. `places` are row and title, up to a comma.
+    `note` on the bands stands in the legend. What the caption says of these runs alone is `told`. `places`
+    are row and title, up to a comma. Curves of diverged runs are `diverged`.
     """
 
     def __init__(
@@ -54,7 +55,8 @@ class Sheet:
         self.figure = style.open_figure(width_mm, height_mm)
         self.lines: dict[tuple[str, str], Line2D] = {}
         self.bands: dict[tuple[str, str], Polygon] = {}
-        self.note = ""
+        self.diverged: set[tuple[str, str]] = set()
+        self.note = self.told = ""
         self._insides: dict[str, str] = {}
         grid = self.figure.add_gridspec(len(labels), len(beside) + len(labels[0]))
         pictures = [self.figure.add_subplot(grid[:, column]) for column in range(len(beside))]
@@ -98,6 +100,7 @@ class Sheet:
         if not diverged:
             (self.lines[letter, name],) = axes.plot(time, values, **look)
             return
+        self.diverged.add((letter, name))
         # What is added as an artist has no say in the ranges.
         self.lines[letter, name] = Line2D(time, values, **look)
         axes.add_artist(self.lines[letter, name])

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MultipleLocator
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.models.control import FIRST
+from tendonrepro.configuration.models.control import FIRST, SECOND
 from tendonrepro.physics.metrics import mae, max_abs, rmse, window_mean
 from tendonrepro.physics.tendon_path import path_points
 from tendonrepro.results.figures.arm import (
@@ -47,16 +47,26 @@ RAW = "samples"
 _LAW = {"s": r"$s$ (rad/s)", "H_hat": r"Estimate $\hat{H}$ (N m)", "tau_m": r"Torque $\tau_m$ (N m)"}
 _SAMPLES = {name: _LAW[name] for name in ("s", "tau_m")}
 _TRACKING = {"q_encoder": "Joint angle (deg)", "e": "Tracking error (deg)"}
+_LARGER = "larger"
+_LARGER_TOLD = (
+    "Lowest panels: size of each error less that {whose}, as a centred "
+    f"{MEAN_WINDOW * 1e3:g} ms mean. Above zero the error is the larger one. The mean of a curve is the "
+    "difference of the mean absolute errors."
+)
 _ANGLES = {"q_motor_encoder": "Motor", "q_encoder": "Joint"}
 # Columns of panels up to which a title and a remark stand on one line.
 _WIDE_PANELS = 3
 # Largest share of an error's RMS that may come and go within a mean's window for it to be drawn raw.
 _FUZZY = 0.1
+# Largest difference of two desired motions, as a share of the error, at which errors are compared over time.
+_SAME_MOTION = 0.1
 # Free space above and below a motion, as a share of its range, so that equal motions have equal axes.
 _ROOM = 0.04
 _BANDS = f"mean over {MEAN_WINDOW * 1e3:g} ms ± RMS of the samples about it; grey: shared by all"
 # Share of white in the wide curves of Figure 13, below the narrow ones of the same colour.
 _EXPECTED = 0.62
+_PAYLOAD = Stroke("#5DA5DA", (4.0, 1.6))
+"""Controller 1 again, with a payload: its hue, paler."""
 _REMARK: Look = {"loc": "right", "fontsize": "small", "linespacing": 1.35}
 """A title at the right above a panel."""
 
@@ -183,19 +193,23 @@ def draw_motors(file: TraceFile, traces: list[Trace]) -> Sheet:
     return sheet
 
 
-def draw_tracking(_file: TraceFile, traces: list[Trace]) -> Sheet:
-    """Figure 14, a column a joint: trajectories above, errors below."""
-    return _tracking(controller_runs(traces))
+def draw_tracking(file: TraceFile, traces: list[Trace]) -> Sheet:
+    """Figure 14, a column a joint: trajectories, errors, and these less those of Controller 2."""
+    runs = controller_runs(traces)
+    # Where there is no Controller 2 to the end, another one stands for it.
+    whole = sorted((run for run in runs if not run.diverged), key=lambda run: run.trace.name != SECOND)
+    return _tracking(file, runs, whole[0] if whole else None, f"of {whole[0].name}" if whole else "")
 
 
-def draw_payload(_file: TraceFile, traces: list[Trace]) -> Sheet:
+def draw_payload(file: TraceFile, traces: list[Trace]) -> Sheet:
     """Figure 16, as 14: Controller 1 without and with a payload."""
     runs = []
     for trace in traces:
         mass = float(trace.attributes["payload_mass"])
         load = f"{mass:g} kg payload" if mass else "no payload"
-        runs.append(DrawnRun(trace, f"Controller 1, {load}", stroke_of(2 if mass else 1)))
-    return _tracking(runs)
+        runs.append(DrawnRun(trace, f"Controller 1, {load}", _PAYLOAD if mass else stroke_of(1)))
+    free = next((run for run in runs if run.trace.name == FIRST and not run.diverged), None)
+    return _tracking(file, runs, free, "without payload")
 
 
 def draw_law(_file: TraceFile, traces: list[Trace]) -> Sheet:
@@ -207,9 +221,7 @@ def draw_law(_file: TraceFile, traces: list[Trace]) -> Sheet:
         sheet.zero_line(letter)
         _curves(sheet, letter, runs, variable, joint, averaged=True)
         if variable == "s":
-            # Above the title where panels are narrow.
-            raised = "\n" if len(joints) > _WIDE_PANELS else ""
-            axes.set_title(f"{_bound_of_s(runs, joint)}{raised}", **_REMARK)
+            axes.set_title(f"{_bound_of_s(runs, joint)}{_raised(joints)}", **_REMARK)
         if variable in _SAMPLES:
             middle = float(np.mean(_near(runs, joint)))
             label = f"{ZOOM * 1e3:g} ms that the figure “{RAW}” shows"
@@ -240,6 +252,11 @@ def draw_samples(_file: TraceFile, traces: list[Trace]) -> Sheet:
 def _labels(rows: Mapping[str, str], joints: list[int]) -> list[list[tuple[str, str]]]:
     """Title and y label of each panel: a row a variable, a column a joint."""
     return [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
+
+
+def _raised(joints: list[int]) -> str:
+    """End of a remark, which stands above its title where panels are narrow."""
+    return "\n" if len(joints) > _WIDE_PANELS else ""
 
 
 def _bound_of_s(runs: list[DrawnRun], joint: int) -> str:
@@ -295,22 +312,61 @@ def joints_of(runs: list[DrawnRun]) -> list[int]:
     return sorted({joint for run in runs for joint in run.trace.joint})
 
 
-def _tracking(runs: list[DrawnRun]) -> Sheet:
+def _tracking(file: TraceFile, runs: list[DrawnRun], base: DrawnRun | None, whose: str) -> Sheet:
+    """Angles and errors of runs; below, where any can be compared, sizes of errors less those of `base`."""
     joints = joints_of(runs)
     # All errors are drawn in one way, so that panels can be compared.
     averaged = any(_is_fuzzy(run, joint) for joint in joints for run in that_hold(runs, "e", joint))
-    sheet = Sheet(PAGE_MM, 110.0, _labels(_TRACKING, joints))
-    for letter, (variable, joint) in zip(sheet.axes, product(_TRACKING, joints), strict=True):
-        if variable == "e":
+    larger = {joint: _larger(runs, base, joint) for joint in joints} if base else {}
+    compared = any(larger.values())
+    rows = _TRACKING | ({_LARGER: f"$|e|$ less that\n{whose} (deg)"} if compared else {})
+    sheet = Sheet(PAGE_MM, 145.0 if compared else 110.0, _labels(rows, joints))
+    for (letter, axes), (variable, joint) in zip(sheet.axes.items(), product(rows, joints), strict=True):
+        if variable != "q_encoder":
             sheet.zero_line(letter)
         elif holding := that_hold(runs, "q_d", joint):
             longest = max(holding, key=lambda run: run.trace.time[-1])
             desired = longest.values("q_d", joint)
-            _leave_room(sheet.axes[letter], longest.trace, joint)
+            _leave_room(axes, longest.trace, joint)
             sheet.curve(letter, "Desired", longest.trace.time, desired, REFERENCE, label="Desired")
-        _curves(sheet, letter, runs, variable, joint, averaged=averaged and variable == "e")
+        if variable != _LARGER:
+            _curves(sheet, letter, runs, variable, joint, averaged=averaged and variable == "e")
+            continue
+        for run, time, values in larger[joint]:
+            sheet.curve(
+                letter, f"{run.name} less that {whose}", time, values, run.stroke, diverged=run.diverged
+            )
+        if of_paper(file):
+            axes.set_title(f"not in the paper{_raised(joints)}", **_REMARK)
     sheet.note = f"Errors: {_BANDS}" if averaged else ""
+    if compared:
+        sheet.told = _LARGER_TOLD.format(whose=whose)
+        sheet.told += " They are not in the paper." if of_paper(file) else ""
     return sheet
+
+
+def _larger(runs: list[DrawnRun], base: DrawnRun, joint: int) -> list[tuple[DrawnRun, Array, Array]]:
+    """Times, s, and mean of ``|e|`` less that of `base`, deg, of each run that can be compared with it."""
+    differences = []
+    for run in that_hold(runs, "e", joint) if that_hold([base], "e", joint) else ():
+        time, whole = run.trace.time, base.trace.time
+        both = (time >= whole[0]) & (time <= whole[-1])
+        time, e, e_base = time[both], run.values("e", joint)[both], base.values("e", joint)
+        if run is base or not both.any() or _moved_otherwise(run, base, joint, both):
+            continue
+        time, mean, _ = averaged_curve(time, np.abs(e) - np.abs(np.interp(time, whole, e_base)))
+        if len(time):
+            differences.append((run, time, mean))
+    return differences
+
+
+def _moved_otherwise(run: DrawnRun, base: DrawnRun, joint: int, both: Array) -> bool:
+    """Whether two runs follow motions so different that errors at one time are no pair, as of two logs."""
+    if len(that_hold([run, base], "q_d", joint)) < 2:
+        return False
+    there = np.interp(run.trace.time[both], base.trace.time, base.values("q_d", joint))
+    apart = rmse(run.values("q_d", joint)[both] - there)
+    return bool(apart > _SAME_MOTION * rmse(base.values("e", joint)))
 
 
 def _is_fuzzy(run: DrawnRun, joint: int) -> bool:
