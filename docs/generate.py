@@ -40,7 +40,7 @@ from tendonrepro.verdicts.report import claims_table
 
 README = DOCS.parent / "README.md"
 PAGES = (README, *(DOCS / f"{name}.md" for name in
-                  ("findings", "how_often_wrong", "predictions", "slips", "tables", "theory", "tune")))
+                  ("findings", "how_often_wrong", "predictions", "recover", "slips", "tables", "theory", "tune")))
 
 
 def write_pages() -> None:
@@ -209,7 +209,7 @@ def of_table_2() -> dict[str, Any]:
 
 PARTS = (
     "headline", "facts", "the answer", "why", "robustness", "closest plants", "misfits",
-    "repeats", "intervals of recover", "readings", "claims", "numbers", "deciding unknowns", "questions", "experiments on starts", "given the tables",
+    "repeats", "intervals of recover", "readings", "claims", "numbers", "deciding unknowns", "tuned", "questions", "what tuning changes", "experiments on starts", "given the tables",
     "planted papers", "how probable", "the bound", "the least misfits", "single edits", "every small change",
 )  # fmt: skip
 """Parts of pages that are made of stored results; their templates have the same names."""

@@ -179,52 +179,28 @@ def test_with_equations_kept_and_runs_alike_one_arm_has_the_order_on_most_repeat
     assert f"It misses by {100 * held['misfit_log']:.1f} %. So the order" in text
 
 
-def test_numbers_of_the_tuning() -> None:
-    """Of tune.md, and the cases that findings counts: no α-TDE beats TDE, nor the reverse, nor PID."""
+def test_words_of_the_tuning() -> None:
+    """What tune.md says without a number: no α-TDE beats TDE, nor the reverse, nor PID."""
     found = stored("tune")
     asked = {(row["law"], row["over"]): row for row in found["questions"]}
     alpha = [row for (law, over), row in asked.items() if law.startswith("α-TDE") and over == "TDE and NTSM"]
     pid = [asked[law, "PID"] for law in ("TDE and NTSM", "α-TDE and NTSM, free α")]
+    assert len(alpha) == 3
     assert not any(row["smaller_error"] or row["larger_error"] for row in (*alpha, *pid))
-    assert {(row["no_difference"], row["undecided"]) for row in pid} == {(3, 5)}
-    alike, undecided = (sum(row[key] for row in alpha) for key in ("no_difference", "undecided"))
     surface, twisting = asked["TDE and NTSM", "TDE and TSM"], asked["Super-twisting", "PID"]
-    assert (surface["smaller_error"], surface["undecided"], twisting["larger_error"]) == (3, 5, 5)
-    free, third = (found["tuned_over_published"][cap] for cap in ("none", "1/3"))
+    assert surface["undecided"] > surface["smaller_error"]
+    assert twisting["larger_error"] > 4
     handed, alone = ([row for row in found["alpha"] if row["alone"] is way] for way in (False, True))
-    zero, idle, acting = (
-        [row[key] for row in handed] for key in ("share_zero", "share_without_effect", "ratio_with_effect")
-    )
-    medians = [row["alpha_median"] for row in alone]
     assert {row["alpha_median"] for row in handed} == {row["share_zero"] for row in alone} == {0.0}
+    assert all(0.9 < row["ratio_with_effect"] < 1.0 for row in handed)
     plain = [row for row in found["laws"] if row["alpha"] is None and not row["alone"]]
     errors = {(row["law"], row["condition"], row["cap"]): row.get("error_deg") for row in plain}
     known = [errors["ntsm", KNOWN, cap] / errors["ntsm", PUBLISHED, cap] for cap in CAPS]
     assert 0.18 < min(known) < 0.22
     assert 0.61 < max(known) < 0.68
-    untuned = [errors[name, PUBLISHED, "published"] for name in CONTROLLERS]
-    pairs = [
-        ("docs/tune.md", f"any of {alike + undecided} cases. In {alike} they err alike"),
-        ("docs/tune.md", f"within 10 %; {undecided} are undecided"),
-        (
-            "docs/findings.md",
-            f"in any of {alike + undecided} cases: {alike} show no difference, {undecided} are undecided",
-        ),
-        ("docs/tune.md", f"exactly 0 in {100 * min(zero):.0f} to {100 * max(zero):.0f} %"),
-        ("docs/tune.md", f"in {100 * min(idle):.0f} to {100 * max(idle):.0f} %: with α = 0"),
-        ("docs/tune.md", f"is {100 - 100 * max(acting):.0f} to {100 - 100 * min(acting):.0f} % below TDE"),
-        ("docs/tune.md", f"its median is {min(medians):.2f} to {max(medians):.2f}"),
-        ("docs/tune.md", f"err by {min(untuned):.2f}° to {max(untuned):.2f}°"),
-        ("docs/tune.md", f"{found['plants']} of the first {found['draws_looked_at']} samples"),
-        ("docs/tune.md", f"alike in the median, {surface['alone_median_ratio']:.2f}"),
-        ("docs/tune.md", f"{twisting['median_ratio']:.1f} times as much in the median"),
-        ("docs/tune.md", f"alone {twisting['alone_median_ratio']:.1f} times"),
-        ("docs/tune.md", f"{100 * free['error']:.1f} % of Controller 2's own"),
-        ("docs/tune.md", f"torque {free['roughness']:.1f} times as rough"),
-        ("docs/tune.md", f"they leave {100 * third['error']:.0f} %."),
-    ]
-    for page, phrase in pairs:
-        assert phrase in text_of(page), f"{page}: {phrase}"
+    alike, undecided = (sum(row[key] for row in alpha) for key in ("no_difference", "undecided"))
+    told = f"in any of {alike + undecided} cases: {alike} show no difference, {undecided} are undecided"
+    assert told in text_of("docs/findings.md")
 
 
 def test_no_single_edit_gives_the_published_order() -> None:
