@@ -1,4 +1,4 @@
-"""Pictures of findings.md beside that of the answer: the map of the orders, and ranges of ratios."""
+"""The map of the orders, a picture of findings.md."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from tendonrepro.configuration.published import COMPARED, published
-from tendonrepro.configuration.shown import BOTH, SHOWN, STEPS
+from tendonrepro.configuration.shown import BOTH, STEPS
 from tendonrepro.monte_carlo.shares import RATIOS, printed_ratios
 from tendonrepro.reporting.figures import of_plants
 from tendonrepro.reporting.readings import Shown
-from tendonrepro.results.figures.style import PAGE_MM, Drawing, Look, journal_style, letter_panels, mark_cut, open_figure
+from tendonrepro.results.figures.style import PAGE_MM, Drawing, Look, journal_style, letter_panels, open_figure
 from tendonrepro.results.summary import CONTROLLERS
 
 _BLUE, _PALE, _RED, _GREY = "#004488", "#8FA3B8", "#B5405A", "#999999"
@@ -28,44 +28,6 @@ IN_MAP = {
     STEPS: "torque in steps",
 }
 """Readings that have their name in the map; the others are small dots."""
-
-
-@journal_style()
-def draw_ranges(shown: Shown) -> Drawing:
-    """Draw the spread of two ratios without scale: Controllers 1 over 2, joints 3 over 2."""
-    labels = [label for name, label in SHOWN.items() if name in shown.box]
-    readings = [shown.box[name] for name in SHOWN if name in shown.box]
-    figure = open_figure(PAGE_MM, 26.0 + 5.0 * len(labels))
-    panels = figure.subplots(1, 2, sharey=True)
-    joint_2, joint_3 = (published().number(f"table2.controller_1.mae.joint_{joint}") for joint in COMPARED)
-    printed = (printed_ratios((0, 1), "mae", [2])[0], joint_3 / joint_2)
-    ratios = ("c1_c2_joint_2", "joint_3_over_2")
-    ticks = ((0.3, 0.4, 0.6, 0.8, 1.0, 1.4), (0.05, 0.1, 0.2, 0.4, 0.8))
-    for panel, value, ratio, places in zip(panels, printed, ratios, ticks, strict=True):
-        quantiles = [
-            [reading[f"{ratio}_{name}"] for reading in readings] for name in ("q05", "median", "q95")
-        ]
-        low, middle, high = np.array(quantiles)
-        look: Look = {"fmt": "o", "color": _BLUE, "markersize": 3.5, "elinewidth": 1.4}
-        look["label"] = "stable plants: median and 90 %"
-        panel.errorbar(middle, range(len(labels)), xerr=(middle - low, high - middle), **look)
-        panel.axvline(value, color=_RED, linewidth=1.0, linestyle="--", label="Table 2")
-        limits = 0.8 * places[0], 1.3 * places[-1]
-        _logarithmic(panel, "x", limits, places)
-        for row, ends in enumerate(zip(low, high, strict=True)):
-            mark_cut(panel, ends, row, limits, _BLUE)
-        panel.set_xlabel("ratio of mean absolute errors")
-    panels[0].axvline(1.0, color=_GREY, linewidth=0.6)
-    panels[0].set_yticks(range(len(labels)), labels)
-    panels[0].invert_yaxis()
-    letter_panels(panels, ["Controller 1 over 2, joint 2", "Joint 3 over joint 2, Controller 1"])
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
-    caption = (
-        "Two ratios of mean absolute errors that need no scale, for each interpretation of the paper: median "
-        "and central 90 % of the plants on which both runs are stable. An arrow at the edge means that the "
-        "range goes on. Dashed: from Table 2."
-    )
-    return Drawing("ranges", figure, panels, caption, origin=of_plants(shown))
 
 
 _REGIONS = {

@@ -18,14 +18,15 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from findings_pictures import draw_map, draw_ranges
+from findings_pictures import draw_map
 from harvest import take
 from pages import fresh
-from stored_results import DOCS, of_joints, stored
+from stored_results import DOCS, nearest, of_joints, stored
 
+from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import COMPARED, published
-from tendonrepro.configuration.shown import GROUPS
+from tendonrepro.configuration.shown import GROUPS, KEPT
 from tendonrepro.evidence.figure_predictions import draw_predictions
 from tendonrepro.identification.edits.figures_edits import draw_edits
 from tendonrepro.monte_carlo.shares import printed_ratios
@@ -33,6 +34,7 @@ from tendonrepro.reporting import contents
 from tendonrepro.reporting.figures import draw_answer, draw_orders
 from tendonrepro.reporting.readings import read_shown
 from tendonrepro.results.figures.style import Drawing, save_drawing
+from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.tuning.figure import draw_tuning
 from tendonrepro.tuning.laws import LAWS
 from tendonrepro.verdicts.ledger import read_ledger
@@ -69,7 +71,6 @@ def pictures() -> dict[str, Drawing]:
         draw_answer(shown),
         draw_orders(shown),
         draw_map(shown, stored("closest")),
-        draw_ranges(shown),
         draw_tuning(
             tuned["laws"], {name: law.title for name, law in LAWS.items()}, on=f"{tuned['plants']} plants"
         ),
@@ -105,6 +106,7 @@ def context() -> dict[str, Any]:
         **of_tables(stored("given")),
         **of_papers(stored("planted")),
         **of_table_2(),
+        "closest": of_closest(),
         "repeats": stored("repeats"),
         "stored": stored,
         "verdicts": verdicts,
@@ -204,13 +206,30 @@ def of_table_2() -> dict[str, Any]:
     """What the paper's Table 2 has: Controller 1's lead on joint 2, degrees, and by how much 3 errs more than 2, %."""
     first, second = (published().number(f"table2.controller_{k}.mae.joint_2") for k in (1, 2))
     ratios = printed_ratios((1, 2), "rmse", COMPARED)
-    return {"lead": second - first, "rmse_3_over_2": tuple(100.0 / ratio - 100.0 for ratio in ratios)}
+    mae = [[published().number(f"table2.{run}.mae.joint_{joint}") for joint in COMPARED] for run in CONTROLLERS]
+    return {
+        "lead": second - first,
+        "rmse_3_over_2": tuple(100.0 / ratio - 100.0 for ratio in ratios),
+        "paper_mae": mae,
+    }
+
+
+def of_closest() -> dict[str, Any]:
+    """The shipped closest arm: its interpretation, its most distant start, degrees, and mean errors by controller."""
+    config = load_config("closest", "compare").config
+    starts = [run.start_offset.si for run in config.runs.values() if run.start_offset is not None]
+    errors = {(row["run"], row["joint"]): row["mae_deg"] for row in stored("closest")}
+    return {
+        "reading": nearest(stored("identify")["readings"], of_joints(KEPT))["name"],
+        "apart_deg": float(np.degrees(np.max(np.abs(starts)))),
+        "mae": [[errors[run, joint] for joint in COMPARED] for run in CONTROLLERS],
+    }
 
 
 PARTS = (
-    "headline", "facts", "the answer", "why", "robustness", "closest plants", "misfits",
+    "headline", "facts", "the answer", "what agrees", "what makes the order", "closest plants",
     "repeats", "intervals of recover", "readings", "claims", "numbers", "deciding unknowns", "tuned", "questions", "what tuning changes", "experiments on starts", "given the tables",
-    "planted papers", "how probable", "the bound", "the least misfits", "single edits", "every small change",
+    "planted papers", "the bound", "the least misfits", "every small change",
 )  # fmt: skip
 """Parts of pages that are made of stored results; their templates have the same names."""
 MAKERS: Mapping[str, Callable[[], str]] = {name: partial(made, name.replace(" ", "_")) for name in PARTS}

@@ -56,8 +56,7 @@ def take(reports: Path) -> None:
     decides = read(reports / "claims" / "decides.json")
     store("decides.json", {name: held | {"rows": held["rows"][:5]} for name, held in decides.items()})
     if (reports / "compare").exists():
-        for name in ("fig14", "samples"):
-            shutil.copy(reports / "compare" / "figures" / f"{name}.png", DOCS)
+        shutil.copy(reports / "compare" / "figures" / "samples.png", DOCS)
     for folder in sorted(reports.glob("identify_all*")):
         take_closest(folder)
     if (reports / "closest").exists():

@@ -16,7 +16,7 @@ LIMITS = {
     "code.md": 480,
     "configs.md": 2_060,
     "dataset.md": 1_640,
-    "findings.md": 3_630,
+    "findings.md": 1_300,
     "how_often_wrong.md": 580,
     "index.md": 130,
     "notation.md": 2_280,

@@ -33,8 +33,9 @@ def text_of(page: str) -> str:
 def cells_of(page: str, first: str) -> list[str]:
     """Cells behind the first of the one table row of a page that begins so."""
     lines = (ROOT / page).read_text(encoding="utf-8").splitlines()
-    (line,) = (line for line in lines if line.startswith(f"| {first} |"))
-    return [cell.strip() for cell in line.strip("|").split("|")][1:]
+    rows = ([cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("|"))
+    (cells,) = (cells for cell, *cells in rows if cell == first)
+    return cells
 
 
 def stated(pattern: str, page: str) -> list[float]:
