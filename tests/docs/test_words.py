@@ -27,8 +27,8 @@ LIMITS = {
     "results.md": 2_570,
     "slips.md": 2_130,
     "tables.md": 1_420,
-    "theory.md": 1_820,
-    "tune.md": 1_000,
+    "theory.md": 1_810,
+    "tune.md": 990,
     "tutorial.md": 1_280,
     "verdicts.md": 2_580,
 }
