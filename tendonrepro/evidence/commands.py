@@ -44,27 +44,24 @@ def predict(
     readings
         Comma-separated names [default: the main ones].
     """
-    from tendonrepro import __version__
     from tendonrepro.configuration.ensemble import load_plants, with_all_controllers
     from tendonrepro.evidence.predict import predicted_cost
     from tendonrepro.evidence.predict_report import asked_for, default_readings_on, predict_result
-    from tendonrepro.files import digest_of
-    from tendonrepro.monte_carlo.plan import ROOMS, code_digest
+    from tendonrepro.monte_carlo.kept import study_on_plants
+    from tendonrepro.monte_carlo.plan import identity_of
 
     loaded = with_all_controllers(load_plants(config, spread, ranges, overrides=set, seed=seed))
     names = readings or default_readings_on(loaded)
     chosen = asked_for(loaded, draws, names)
-    made_by = __version__, code_digest(*ROOMS, "evidence"), loaded.sha256, loaded.base.sha256
-    states = f"plants-{digest_of({'made_by': made_by})[:16]}"  # those of others are not taken up
-    return Study(
-        replace(loaded.base, sha256=loaded.sha256, origin=loaded.origin),
-        lambda site: predict_result(loaded, draws, names, site.talk, site.files / states),
+    study = study_on_plants(
+        "predict",
+        loaded,
+        identity_of(loaded, "evidence"),
+        lambda site, kept: predict_result(loaded, draws, names, site.talk, kept),
         folder,
-        decided_by={"draws": draws, "readings": names},
         cost=predicted_cost(loaded, len(chosen), draws),
-        keep=states,
-        stored=True,
     )
+    return replace(study, decided_by={"draws": draws, "readings": names})
 
 
 @study(DATA, "tendonrepro data recover data/measured.h5")

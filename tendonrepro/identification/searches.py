@@ -12,7 +12,6 @@ from typing import TypeAlias
 
 import numpy as np
 
-from tendonrepro import __version__
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble, draws_rows, readings_on
 from tendonrepro.configuration.load import CompareConfig
@@ -25,21 +24,21 @@ from tendonrepro.configuration.shown import SHOWN
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import reference_period
-from tendonrepro.files import Json, digest_of
+from tendonrepro.files import Json
 from tendonrepro.identification import report
 from tendonrepro.identification.goal import Goal, Target, Window, own_numbers, printed_numbers
 from tendonrepro.identification.misfit import Bench, Repeats, rounding_misfit
 from tendonrepro.identification.report import SearchAnswer, nearest_search
 from tendonrepro.identification.search import SEARCHES, SearchPoints
 from tendonrepro.identification.space import space_of
-from tendonrepro.monte_carlo.plan import ROOMS, code_digest
+from tendonrepro.monte_carlo.kept import study_on_plants
+from tendonrepro.monte_carlo.plan import identity_of
 from tendonrepro.monte_carlo.population import Population
 from tendonrepro.parallel import as_ready, check_jobs, processors
 from tendonrepro.physics.metrics import START
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.traces import TRACES
 from tendonrepro.simulation.batch import simulate_batch
-from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site, Study, cost_of, folder_of
@@ -123,22 +122,12 @@ class IdentificationTask:
             "joints": list(self.goal.joints),
         }
 
+    @property
     def identity(self) -> str:
-        """SHA-256 of all of it, and of the code."""
-        readings = [held.name for held in self.readings]
-        return digest_of(self._content() | {"readings": readings})
-
-    def of_searches(self) -> str:
         """SHA-256 of what each search depends on: all of it but which other readings are searched."""
-        return digest_of({name: held for name, held in self._content().items() if name != "searches"})
-
-    def _content(self) -> Json:
-        return self.outline() | {
-            "version": __version__,
-            "code": code_digest(*ROOMS, "identification"),
-            "config": self.loaded.sha256,
-            "goal": [self.goal.name, self.goal.runs, self.goal.values.tolist(), self.goal.half.tolist()],
-        }
+        numbers = [self.goal.name, self.goal.runs, self.goal.values.tolist(), self.goal.half.tolist()]
+        outline = {name: value for name, value in self.outline().items() if name != "searches"}
+        return identity_of(self.loaded, "identification", outline=outline, goal=numbers)
 
 
 def identification(
@@ -188,15 +177,18 @@ def identification(
         seed=int(loaded.config.seed.si),
         bench=Bench(space, window, simulate_batch),
     )
-    out, identity = folder_of("identify", folder), task.identity()
+    out = folder_of("identify", folder)
     head = task.outline() | {"out": str(out), "config": str(out / report.CONFIG)}
-    states = f"search-{task.of_searches()[:16]}"  # those of another search are not taken up
 
-    def run(site: Site) -> Result:
-        return _result(task, head, _searches(task, site.files / states, jobs, site.talk), site.files)
+    def run(site: Site, states: Path) -> Result:
+        return _result(task, head, _searches(task, states, jobs, site.talk), site.files)
 
-    base = replace(loaded.base, sha256=identity, inputs=(*loaded.base.inputs, *_files(errors)))
-    return Study(base, run, folder, keep=states, stored=True, plan=_plan(task, head), cost=task.cost())
+    base = replace(loaded.base, inputs=(*loaded.base.inputs, *_files(errors)))
+    loaded = replace(loaded, base=base)
+    study = study_on_plants("identify", loaded, task.identity, run, folder, cost=task.cost())
+    return replace(
+        study, decided_by={"readings": [reading.name for reading in task.readings]}, plan=_plan(task, head)
+    )
 
 
 def _files(errors: Path | None) -> list[Path]:
@@ -252,16 +244,9 @@ def _result(task: IdentificationTask, head: Json, results: Results, files: Path)
     loaded = task.loaded
     searches = [results[reading.name][0] for reading in task.readings]
     _write_plants(files, results, nearest_search(searches)["name"], head, task)
-    manifest = {
-        "experiment": "identify",
-        "seed": task.seed,
-        "solver": {"name": COMPILED_STEPPER, "tolerance": TOLERANCE},
-        "config": {"ensemble_sha256": loaded.sha256},
-    }
     other = task.goal.of_paper and not base_of_paper(loaded.compare)
     remarks = [OTHER_BASE] if other else []
-    result = report.identification_result(head, searches, task.goal, task.bench.space.within, remarks)
-    return replace(result, manifest=manifest)
+    return report.identification_result(head, searches, task.goal, task.bench.space.within, remarks)
 
 
 def _write_plants(folder: Path, results: Results, first: str, head: Json, task: IdentificationTask) -> None:

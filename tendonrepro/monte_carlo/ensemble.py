@@ -8,7 +8,6 @@ from dataclasses import replace
 from fnmatch import fnmatch
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from tendonrepro import __version__
 from tendonrepro.configuration.ensemble import (
@@ -30,6 +29,7 @@ from tendonrepro.files import Json, to_json
 from tendonrepro.monte_carlo.data import PLAN, SHARDS, read_ensemble
 from tendonrepro.monte_carlo.evaluate import Simulate, evaluated, fill, refuse_alone, still_missing
 from tendonrepro.monte_carlo.figures import ensemble_figures
+from tendonrepro.monte_carlo.kept import study_on_plants
 from tendonrepro.monte_carlo.plan import ARMS, SCHEMA_VERSION, EnsembleStudy
 from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.monte_carlo.report import ensemble_tables, population_summary
@@ -39,7 +39,6 @@ from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.record_store import RecordStore
 from tendonrepro.results.store import take_over
 from tendonrepro.simulation.batch import simulate_batch
-from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site, Study, cost_text, folder_of
@@ -138,8 +137,8 @@ def ensemble_study(
     make = partial(evaluated, study, simulate=simulate)
     earlier, force = folder_of("ensemble", folder) / SHARDS, folder.get("force", False)
 
-    def run(site: Site) -> Result:
-        talk, shards = site.talk, site.files / SHARDS
+    def run(site: Site, shards: Path) -> Result:
+        talk = site.talk
         if seconds_out := errors_from(study.loaded.compare):
             talk.note(f"errors_from, {seconds_out:g} s, is left aside: errors are of whole runs")
         _take_over(earlier, shards, study, force=force)
@@ -160,10 +159,17 @@ def ensemble_study(
         speed = ahead["experiments"] / seconds if pieces else None
         return _result(study, draws, site.files, speed, resumed)
 
-    base = replace(study.loaded.base, sha256=study.identity)
-    keeps: dict[str, Any] = {"keep": SHARDS, "stays": True, "stored": True, "numbers": "summary"}
-    cost = study.cost(sum(plants.values()))
-    return Study(base, run, folder, plan=_plan(study, draws), cost=cost, **keeps)
+    prepared = study_on_plants(
+        "ensemble",
+        study.loaded,
+        study.identity,
+        run,
+        folder,
+        cost=study.cost(sum(plants.values())),
+        seed=study.seed,
+        stays=SHARDS,
+    )
+    return replace(prepared, numbers="summary", plan=_plan(study, draws))
 
 
 def _plan(study: EnsembleStudy, draws: int) -> dict[str, object]:
@@ -250,15 +256,4 @@ def _result(study: EnsembleStudy, draws: int, folder: Path, speed: float | None,
         summary["around"] = {**around.as_data(), "told": around.told}
     notes = () if of_paper or around else (OTHER_BASE,)
     parts = [*ensemble_tables(summary), *notes]
-    return Result(summary, parts, ensemble_figures(summary), _manifest(study))
-
-
-def _manifest(study: EnsembleStudy) -> dict[str, object]:
-    """What only an ensemble's manifest says."""
-    solver: dict[str, object] = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
-    return {
-        "experiment": "ensemble",
-        "seed": study.seed,
-        "solver": solver,
-        "config": {"ensemble_sha256": study.loaded.sha256},
-    }
+    return Result(summary, parts, ensemble_figures(summary))

@@ -1,14 +1,20 @@
-"""What a function gave at points, kept on disk: who asks again for the same gets the same."""
+"""What a long study on plants keeps on disk, to go on with after an interruption."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.files import atomic_path
+from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
+from tendonrepro.studies.parameters import Folder
+from tendonrepro.studies.result import Result
+from tendonrepro.studies.study import Site, Study
 
 
 class Kept:
@@ -39,3 +45,50 @@ class Kept:
     def table(self) -> Array:
         """Points that were asked for, with their values, (N, P + K)."""
         return self._table[: self.count]
+
+
+def study_on_plants(
+    experiment: str,
+    loaded: LoadedEnsemble,
+    identity: str,
+    run: Callable[[Site, Path], Result],
+    folder: Folder,
+    *,
+    cost: Mapping[str, float],
+    seed: int | None = None,
+    stays: str = "",
+) -> Study:
+    """Study on plants of the box, or around an arm, that goes on after an interruption.
+
+    Parameters
+    ----------
+    experiment
+        What the manifest calls it.
+    loaded
+        Where plants are drawn from.
+    identity
+        Digest of all that decides what is kept, by `identity_of`. What has another is not taken up.
+    run
+        Makes the result, at a site, with a folder for what is kept.
+    folder
+        Of the result.
+    cost
+        As of `Study`.
+    seed
+        Of the study's own random numbers, where these are not those of the draws.
+    stays
+        Folder of what is kept, where that is a part of the result; its files have names by the identity.
+    """
+    kept = stays or f"parts-{identity[:16]}"
+    manifest = {
+        "experiment": experiment,
+        "seed": int(loaded.config.seed.si) if seed is None else seed,
+        "solver": {"name": COMPILED_STEPPER, "tolerance": TOLERANCE},
+        "config": {"ensemble_sha256": loaded.sha256},
+    }
+
+    def made(site: Site) -> Result:
+        return replace(run(site, site.files / kept), manifest=manifest)
+
+    base = replace(loaded.base, sha256=identity, origin=loaded.origin)
+    return Study(base, made, folder, keep=kept, stays=bool(stays), stored=True, cost=cost)

@@ -75,6 +75,20 @@ def _bare_code(path: Path) -> str:
     return ast.unparse(tree)
 
 
+def identity_of(loaded: LoadedEnsemble, *rooms: str, **decided_by: object) -> str:
+    """SHA-256 of what numbers on plants depend on: version, code, configuration, and what else decides them.
+
+    The code is that of `ROOMS`, and of some `rooms` more.
+    """
+    known = {
+        "version": __version__,
+        "code": code_digest(*ROOMS, *rooms),
+        "config": loaded.sha256,
+        "base": loaded.base.sha256,
+    }
+    return digest_of(known | decided_by)
+
+
 @dataclass(frozen=True, eq=False)
 class EnsembleStudy:
     """Everything that determines an ensemble's numbers but the number of draws.
@@ -125,19 +139,15 @@ class EnsembleStudy:
 
     @cached_property
     def identity(self) -> str:
-        """SHA-256 of all that a stored number depends on, the version included."""
-        content = {
-            "schema": SCHEMA_VERSION,
-            "version": __version__,
-            "code": code_digest(*ROOMS),
-            "config": self.loaded.sha256,
-            "base": self.loaded.base.sha256,
-            "seed": self.seed,
-            "replicates": self.replicates,
-            "cases": [[run, case.name] for run, case in self.cases],
-            "statistics": STATISTICS,
-        }
-        return digest_of(content)
+        """SHA-256 of all that a stored number depends on."""
+        return identity_of(
+            self.loaded,
+            schema=SCHEMA_VERSION,
+            seed=self.seed,
+            replicates=self.replicates,
+            cases=[[run, case.name] for run, case in self.cases],
+            statistics=STATISTICS,
+        )
 
     def record_of(self, population: str) -> RecordType:
         """A record of one plant: its numbers (P,); by case statuses (C,) and statistics (C, n), SI."""

@@ -12,22 +12,20 @@ from pathlib import Path
 
 import numpy as np
 
-from tendonrepro import __version__
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError, did_you_mean
 from tendonrepro.experiments import user_law
-from tendonrepro.files import digest_of
-from tendonrepro.monte_carlo.plan import ROOMS, code_digest
+from tendonrepro.monte_carlo.kept import study_on_plants
+from tendonrepro.monte_carlo.plan import identity_of
 from tendonrepro.parallel import as_ready, check_jobs
-from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site, Study, cost_of
 from tendonrepro.tuning.bench import PUBLISHED, Candidate, loops_of, measure, usable
 from tendonrepro.tuning.laws import LAWS, TunedLaw, tuned_user_law
-from tendonrepro.tuning.report import SCHEMA_VERSION, tuning_result
+from tendonrepro.tuning.report import tuning_result
 from tendonrepro.tuning.search import TunedRow, TuningEffort, TuningTask
 
 MOST_DRAWS_PER_PLANT = 64  # looked at for each plant that is asked for; about one in four is usable
@@ -70,24 +68,20 @@ def tuning_study(
     task = TuningTask(loaded, _chosen(only, own), effort, seed, any_plant)
     for user, law in zip(users, own, strict=True):
         _try(task, user, law)
-    base = user_law.with_user_laws(loaded.base, users)
-    made_by = SCHEMA_VERSION, __version__, code_digest(*ROOMS, "tuning")
-    inputs = [loaded.sha256, base.sha256, asdict(effort), seed, plants, any_plant, sorted(task.laws)]
-    identity = digest_of({"made_by": made_by, "inputs": inputs})
+    loaded = replace(loaded, base=user_law.with_user_laws(loaded.base, users))
+    identity = identity_of(
+        loaded, "tuning", effort=asdict(effort), seed=seed, any_plant=any_plant, laws=sorted(task.laws)
+    )
     experiments = plants * task.experiments
     cost = cost_of(experiments, SECONDS_PER_EXPERIMENT * (len(loaded.compare.joints) / 2) ** 2)
-    states = f"plants-{identity[:16]}"  # those of another tuning are not taken up
 
-    def run(site: Site) -> Result:
+    def run(site: Site, states: Path) -> Result:
         if seconds := errors_from(loaded.compare):
             site.talk.note(f"errors_from, {seconds:g} s, is left aside: a tuning has motions of its own")
-        rows = _tuned(task, _usable(task, plants), site.files / states, jobs, site.talk)
-        solver = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
-        head = {"experiment": "tune", "seed": seed, "solver": solver, "ensemble_sha256": loaded.sha256}
-        return replace(tuning_result(task, rows), manifest=head)
+        return tuning_result(task, _tuned(task, _usable(task, plants), states, jobs, site.talk))
 
-    base = replace(base, sha256=identity, origin=loaded.origin)
-    return Study(base, run, folder, keep=states, stored=True, cost=cost)
+    study = study_on_plants("tune", loaded, identity, run, folder, cost=cost, seed=seed)
+    return replace(study, decided_by={"plants": plants})
 
 
 def _chosen(only: str, own: Sequence[TunedLaw]) -> dict[str, TunedLaw]:

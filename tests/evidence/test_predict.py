@@ -41,6 +41,7 @@ from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.results.tables import Table
 from tendonrepro.simulation.batch import Batch, simulate_batch
 from tendonrepro.simulation.loop import Loop
+from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.simulation.streaming import STATISTICS
 
 LOADED = load_ensemble(None, overrides=["base.manipulator.encoders.joint.resolution=0"])
@@ -197,7 +198,8 @@ def test_killed_among_the_plants_it_goes_on_and_ends_with_the_same_bytes(
     deadly = 0
     monkeypatch.setattr(predict, "simulate_batch", counting)
     asked = {"readings": "printed,weights=extrapolating", "figures": False}
-    tr.predict(32, out=tmp_path / "whole", **asked)
+    manifest = tr.predict(32, out=tmp_path / "whole", **asked).manifest
+    assert manifest["solver"] == {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
     assert len(calls) == 4
     calls[:], deadly = [], 4
     with pytest.raises(KeyboardInterrupt):

@@ -129,7 +129,7 @@ def test_killed_in_the_middle_gives_the_same_numbers(run, tmp_path):
     for _ in range(3):
         with pytest.raises(Killed):
             identified(tmp_path / "out", measure=mortal, readings=READINGS)
-        assert len(list(states.glob("search-*"))) == 1
+        assert len(list(states.glob("parts-*"))) == 1
     found = identified(tmp_path / "out", measure=mortal, readings=READINGS)
     np.testing.assert_equal(found["readings"], run[1]["readings"])
 
