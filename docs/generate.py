@@ -37,6 +37,7 @@ from tendonrepro.results.figures.style import Drawing, save_drawing
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.tuning.figure import draw_tuning
 from tendonrepro.tuning.laws import LAWS
+from tendonrepro.verdicts import words
 from tendonrepro.verdicts.ledger import read_ledger
 from tendonrepro.verdicts.report import claims_table
 
@@ -133,7 +134,7 @@ def extent(rows: Sequence[Mapping[str, Any]], key: str) -> str:
 
 def reach(shares: Sequence[float]) -> str:
     """The least and the greatest of some shares; a small one counts only as small."""
-    ends = (contents.percent(end) if end >= 1e-4 else "0 %" for end in (min(shares), max(shares)))
+    ends = (words.percent(end) if end >= 1e-4 else "0 %" for end in (min(shares), max(shares)))
     low, *high = dict.fromkeys(ends)
     return f"{low.removesuffix(' %')} to {high[0]}" if high else low
 
@@ -142,9 +143,9 @@ FILTERS: Mapping[str, Callable[[Any], Any]] = {
     "cell": lambda text: text.replace("|", r"\|"),
     "deciding": deciding,
     "extent": extent,
-    "named": contents.named,
+    "named": words.named,
     "off": off,
-    "ours": contents.ours,
+    "ours": words.ours,
     "range": reach,
 }
 

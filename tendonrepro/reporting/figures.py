@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.shown import BOTH, GROUPS, STARTS_APART, STEPS
-from tendonrepro.reporting.contents import percent
 from tendonrepro.reporting.readings import Row, Shown
 from tendonrepro.results.figures.style import (
     PAGE_MM,
@@ -21,6 +20,7 @@ from tendonrepro.results.figures.style import (
     open_figure,
 )
 from tendonrepro.results.summary import CONTROLLERS
+from tendonrepro.verdicts.words import percent
 
 ANSWER = {
     PRINTED: ("as published: same start, same friction", "#004488"),

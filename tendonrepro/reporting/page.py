@@ -31,7 +31,8 @@ from tendonrepro.reporting.stored import (
 )
 from tendonrepro.results.figures.style import Drawing, imprint, journal_style
 from tendonrepro.results.store import MANIFEST
-from tendonrepro.verdicts.report import MAIN, claim_in_words
+from tendonrepro.verdicts import words as verdict_words
+from tendonrepro.verdicts.report import MAIN
 from tendonrepro.verdicts.rules import VERDICTS
 
 _MARK = b'<meta name="generator" content="tendonrepro'
@@ -147,8 +148,8 @@ def page(sources: ReportSources, again: str | None = "tendonrepro report") -> st
         main=[verdicts[name] for name in MAIN],
         others=[judged for judged in verdicts.values() if judged.is_shown],
         verdicts=VERDICTS,
-        claim_in_words=claim_in_words,
         contents=contents,
+        verdict_words=verdict_words,
         parts=[part(name, folder, sources) for name, folder in sources.parts.items()],
         again=[*dict.fromkeys(again_of(*result) for result in sources.manifests.items()), again],
         inconsistencies=_INCONSISTENCY.findall(docs("slips.md")),

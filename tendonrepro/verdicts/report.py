@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
 from tendonrepro.configuration.models.control import FIRST
-from tendonrepro.configuration.published import published
 from tendonrepro.configuration.shown import every_run
 from tendonrepro.configuration.strict_yaml import dump
 from tendonrepro.console import columns, count_of
@@ -17,6 +16,7 @@ from tendonrepro.results.tables import NOTHING, Table
 from tendonrepro.verdicts.from_ensemble import COMMAND
 from tendonrepro.verdicts.ledger import SHARE, Verdict, summary
 from tendonrepro.verdicts.rules import HEADINGS, VERDICTS
+from tendonrepro.verdicts.words import claim_in_words, ours, percent, unit_of
 
 CAPTION = "What the printed numbers and claims are worth; rules in docs/verdicts.md."
 
@@ -38,33 +38,6 @@ MAIN = (
     "increase.with_load.mae.joint_2",
 )
 """The main claims in the order of the paper's argument; of two, their main number."""
-
-_NUMBERS = {
-    "table1": "ratio of diameters",
-    "table2": "error",
-    "table3": "error",
-    "S_inv": "inverse coupling matrix S⁻¹",
-    "S": "coupling matrix S",
-    "rmse_over_mae": "RMSE over MAE",
-    "joints": "joint 3 over joint 2",
-    "dose": "gain of Controller 1 on joint 3 over joint 2",
-    "share": "error in per cent of another controller's",
-    "increase": "change of Controller 1's error",
-    "mae": "MAE",
-    "rmse": "RMSE",
-}
-
-
-def claim_in_words(identifier: str) -> str:
-    """A claim in few words, or what a number is of."""
-    return published().entries[identifier].short or number_in_words(identifier)
-
-
-def number_in_words(identifier: str) -> str:
-    """What a number is of: error, run and joint."""
-    parts = identifier.split(".")
-    words = [_NUMBERS.get(part) or part.replace("_over_", "/").replace("_", " ") for part in parts]
-    return ", ".join(words).replace("controller", "Controller")
 
 
 def claims_table(verdicts: Sequence[Verdict]) -> Table:
@@ -107,7 +80,12 @@ def table_text(verdicts: Sequence[Verdict], *, every: bool = False) -> str:
                 ]
             )
             rows += [
-                [f"    with {choice.reading}", _size(claim, choice.ours), VERDICTS[choice.verdict], *[""] * 3]
+                [
+                    f"    with {choice.reading}",
+                    _under(claim, choice.ours),
+                    VERDICTS[choice.verdict],
+                    *[""] * 3,
+                ]
                 for choice in claim.unless
             ]
     if not any(_measured(verdict) for verdict in verdicts):
@@ -142,13 +120,6 @@ def _by_heading(counts: Mapping[str, int]) -> str:
 def unless_text(verdict: Verdict) -> str:
     """Which choice of what the paper leaves open gives another verdict, and which."""
     return "; ".join(f"{choice.reading}: {choice.verdict}" for choice in verdict.unless)
-
-
-def _size(verdict: Verdict, ours: float | None) -> str:
-    """Our share, or our number in its unit."""
-    if ours is None:
-        return NOTHING
-    return f"holds on {100.0 * ours:.3g} %" if verdict.unit == SHARE else f"{ours:.4g}{_unit(verdict)}"
 
 
 def _notes(verdicts: Sequence[Verdict], shown: Sequence[Verdict]) -> list[str]:
@@ -197,7 +168,7 @@ def changes_text(
 def details_text(verdict: Verdict) -> str:
     """One claim with all its evidence."""
     head = [
-        f"{verdict.id} ({verdict.where}): {verdict.printed}{_unit(verdict)}",
+        f"{verdict.id} ({verdict.where}): {verdict.printed}{unit_of(verdict)}",
         f"verdict: {verdict.verdict}{_marks(verdict)}",
         f"rule: {verdict.rule} ({verdict.kind}), see docs/verdicts.md",
         f"ours: {_ours(verdict)}",
@@ -220,8 +191,8 @@ def _of_the_headline(verdict: Verdict) -> list[str]:
         return []
     ahead = verdict.evidence["statements"][0]
     return [
-        f"on the same plants: {last['statement']}: {100.0 * last['share']:.3g} %; "
-        f"not {ahead['statement']}: {100.0 * (1.0 - ahead['share']):.3g} %"
+        f"on the same plants: {last['statement']}: {percent(last['share'])}; "
+        f"not {ahead['statement']}: {percent(1.0 - ahead['share'])}"
     ]
 
 
@@ -231,7 +202,7 @@ def _under_choices(verdict: Verdict) -> list[str]:
         [
             f"  {choice.reading}",
             choice.verdict,
-            _size(verdict, choice.ours),
+            _under(verdict, choice.ours),
             _opposite(verdict, choice.opposite).removeprefix(", "),
         ]
         for choice in verdict.by_choice
@@ -239,30 +210,28 @@ def _under_choices(verdict: Verdict) -> list[str]:
     return ["under other motions, starts and friction:", columns(rows)] if rows else []
 
 
+def _under(verdict: Verdict, value: float | None) -> str:
+    """Our share or number under another choice."""
+    if value is None:
+        return NOTHING
+    is_share = verdict.unit == SHARE
+    return f"holds on {percent(value)}" if is_share else f"{value:.4g}{unit_of(verdict)}"
+
+
 def _opposite(verdict: Verdict, share: float | None) -> str:
     """On how many plants the reverse of an order holds."""
     is_order = "reverse" in verdict.evidence.get("opposite", {}).get("statement", "")
-    return f", reverse {100.0 * share:.3g} %" if is_order and share is not None else ""
-
-
-def _unit(verdict: Verdict) -> str:
-    return "" if verdict.unit in {None, SHARE, "1"} else f" {verdict.unit}"
+    return f", reverse {percent(share)}" if is_order and share is not None else ""
 
 
 def _ours(verdict: Verdict) -> str:
-    """Our number with its range, and the printed one; else a share."""
+    """What came out here, and what is printed."""
     if verdict.ours is None:
         return NOTHING
     if verdict.unit == SHARE:
         opposite = verdict.evidence.get("opposite", {}).get("share")
-        return _size(verdict, verdict.ours) + _opposite(verdict, opposite)
-    if verdict.unit is None:
-        return f"{verdict.ours:.4g}"
-    unit, box = _unit(verdict), verdict.evidence.get("box")
-    ranged = f" ({box['low']:.3g} to {box['high']:.3g})" if box else ""
-    # Of a fraction of two lengths the value has no unit.
-    ours = f"{verdict.ours:.4g}{'' if '/' in verdict.printed else unit}"
-    return f"{ours}{ranged}, printed {verdict.printed}{unit}"
+        return _under(verdict, verdict.ours) + _opposite(verdict, opposite)
+    return f"{ours(verdict)}, printed {verdict.printed}{unit_of(verdict)}"
 
 
 def _rate(verdict: Verdict) -> str:
@@ -270,7 +239,7 @@ def _rate(verdict: Verdict) -> str:
     rate = verdict.false_contradicted
     if rate is None or rate.interval is None:
         return NOTHING
-    return f"{100.0 * rate.share:.2g} % of {rate.plants}, at most {100.0 * rate.interval[1]:.2g} %"
+    return f"{percent(rate.share)} of {rate.plants}, at most {percent(rate.interval[1])}"
 
 
 def _measured(verdict: Verdict) -> str | None:

@@ -12,13 +12,13 @@ from support.html_page import read_page
 
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.shown import SHOWN, conditions
-from tendonrepro.reporting import contents
-from tendonrepro.reporting.contents import percent
 from tendonrepro.reporting.page import page, pictures, plate
 from tendonrepro.reporting.stored import stored_under
+from tendonrepro.verdicts import words
 from tendonrepro.verdicts.judge import Sources, judge_all
-from tendonrepro.verdicts.report import MAIN, claim_in_words
+from tendonrepro.verdicts.report import MAIN
 from tendonrepro.verdicts.rules import VERDICTS
+from tendonrepro.verdicts.words import claim_in_words, percent
 
 PARTS = "answer why decouple compare claims inconsistencies questions assumptions again"
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -59,7 +59,7 @@ def test_the_ten_claims(made, ledger):
     assert len(head) == 3
     assert len(rows) == len(MAIN) == 10
     for row, name in zip(rows, MAIN, strict=True):
-        said = [f"{claim_in_words(name)} {ledger[name].where}", contents.ours(ledger[name])]
+        said = [f"{claim_in_words(name)} {ledger[name].where}", words.ours(ledger[name])]
         assert [plain(cell) for cell in row[:2]] == said
         assert row[2].startswith(VERDICTS[ledger[name].verdict])
 
@@ -68,19 +68,18 @@ def test_every_verdict_stands_once_with_its_evidence(made, ledger):
     entries = [entry for entry in ledger.values() if entry.repeats is None or entry.kind == "ensemble"]
     verdicts, evidence = made.one(id="claims").all("details")
     _, *rows = verdicts.one("table").cells()
-    assert [plain(row[1]) for row in rows] == [contents.ours(entry) for entry in entries]
+    assert [plain(row[1]) for row in rows] == [words.ours(entry) for entry in entries]
     shares = [percent(part["share"]) for part in ledger["C1"].evidence["statements"]]
-    assert [share for _, share in contents.statements(ledger["C1"])][:-1] == shares
-    assert len(evidence.all("table")) == sum(bool(contents.statements(entry)) for entry in entries)
+    assert [share for _, share in words.statements(ledger["C1"])][:-1] == shares
+    assert len(evidence.all("table")) == sum(bool(words.statements(entry)) for entry in entries)
 
 
 def test_every_verdict_has_words(ledger):
     assert {one.verdict for one in judge_all(Sources())} <= VERDICTS.keys()
     assert (
-        contents.named(ledger["table2.controller_1.mae.joint_2"])
-        == "error, Controller 1, MAE, joint 2: 0.261°"
+        words.named(ledger["table2.controller_1.mae.joint_2"]) == "error, Controller 1, MAE, joint 2: 0.261°"
     )
-    assert "controller_" not in " ".join(contents.named(entry) for entry in ledger.values())
+    assert "controller_" not in " ".join(words.named(entry) for entry in ledger.values())
 
 
 def test_conditions_stand_among_what_is_assumed(made):

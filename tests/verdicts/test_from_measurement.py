@@ -12,10 +12,10 @@ from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import published
 from tendonrepro.dataset.windows import PrintedTables, Timing, try_windows
 from tendonrepro.errors import DataMissingError
-from tendonrepro.reporting.contents import statements
 from tendonrepro.verdicts.judge import Sources, judge_all
 from tendonrepro.verdicts.measurement import Measurement, decoupling, judge_measured, motor_angles
 from tendonrepro.verdicts.statements import HALVED, Plants, RunUnder, claim_on
+from tendonrepro.verdicts.words import statements
 
 
 def comparison(sizes=None, **options):

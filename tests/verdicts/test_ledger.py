@@ -21,6 +21,7 @@ from tendonrepro.verdicts.judge import Sources, claims_study, judge_all
 from tendonrepro.verdicts.ledger import as_data, read_ledger, shipped_ledger, with_shipped
 from tendonrepro.verdicts.report import details_text, headline
 from tendonrepro.verdicts.rules import EDITION, FAILURES, HEADINGS
+from tendonrepro.verdicts.words import percent
 
 
 def claimed(out, ids=(), *, force=False, talk=None, **asked):
@@ -139,7 +140,7 @@ class TestFreshClone:
         text = details_text(read_ledger(ledger.data).verdicts["C2"])
         last = next(row for row in order["evidence"]["beside"] if row["statement"].startswith("controller_1"))
         for share in (*reverse.values(), last["share"], order["evidence"]["opposite"]["share"]):
-            assert f"{100.0 * share:.3g} %" in text
+            assert percent(share) in text
         assert reverse["starts=apart"] < 0.2 < order["evidence"]["opposite"]["share"]
 
     def test_they_count_for_a_check_as_any_verdict_does(self, ledger, tmp_path):
