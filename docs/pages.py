@@ -161,10 +161,10 @@ def variables() -> str:
 
 
 def one_line() -> str:
-    """A line of physics as tape, as instructions for eight experiments, as machine code, as JavaScript."""
+    """A line of physics as its tape, and as machine code for eight experiments."""
     from llvmlite import binding
 
-    from tendonrepro.simulation.codegen import machine, printed
+    from tendonrepro.simulation.codegen import machine
     from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape
 
     def surface(de: Any, beta: Any, e: Any) -> Any:
@@ -189,19 +189,12 @@ def one_line() -> str:
         binding.parse_assembly(source)
     )
     instructions = [line.strip() for line in assembly.splitlines() if line.startswith("\tv")]
-    places = printed.PlacesTape()
-    value = surface(*places.places("given", 3))
-    script = printed.function_source("surface", places.lines, {("found", 0): value}, ("given", "found"))
     return "\n\n".join(
         (
             code_block("", "\n".join(written)),
-            "The same as LLVM's instructions. A row is eight numbers, one of each experiment:",
-            code_block("llvm", source.strip()),
-            "LLVM makes machine code of them. A processor with AVX2 takes four numbers at once, so there are two "
-            "halves, and each product with its sum is one instruction:",
+            "LLVM makes machine code of it. A row is eight numbers, one of each experiment. A processor with AVX2 takes four at "
+            "once, so there are two halves, and the product with its sum is one instruction:",
             code_block("asm", "\n".join(" ".join(line.split()) for line in instructions)),
-            "The same tape as JavaScript, for [the page in a browser](tutorial.md#move-things-in-a-browser):",
-            code_block("js", script),
         )
     )
 

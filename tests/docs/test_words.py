@@ -10,10 +10,9 @@ pytestmark = NEEDS_DOCS
 
 LIMITS = {
     "README.md": 450,
-    "architecture.md": 3_660,
+    "architecture.md": 2_680,
     "assumptions.md": 2_040,
     "cli.md": 1_160,
-    "code.md": 480,
     "configs.md": 2_060,
     "dataset.md": 1_640,
     "findings.md": 1_300,
