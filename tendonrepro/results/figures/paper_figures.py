@@ -65,6 +65,8 @@ _ROOM = 0.04
 _BANDS = f"mean over {MEAN_WINDOW * 1e3:g} ms ± RMS of the samples about it; grey: shared by all"
 # Share of white in the wide curves of Figure 13, below the narrow ones of the same colour.
 _EXPECTED = 0.62
+# A bound up to this many times as high as the curves is said in their panel.
+_NEAR = 2.0
 _PAYLOAD = Stroke("#5DA5DA", (4.0, 1.6))
 """Controller 1 again, with a payload: its hue, paler."""
 _REMARK: Look = {"loc": "right", "fontsize": "small", "linespacing": 1.35}
@@ -217,16 +219,22 @@ def draw_law(_file: TraceFile, traces: list[Trace]) -> Sheet:
     runs = controller_runs(traces)
     joints = joints_of(runs)
     sheet = Sheet(PAGE_MM, 140.0, _labels(_LAW, joints))
+    far: list[str] = []
     for (letter, axes), (variable, joint) in zip(sheet.axes.items(), product(_LAW, joints), strict=True):
         sheet.zero_line(letter)
         _curves(sheet, letter, runs, variable, joint, averaged=True)
-        if variable == "s":
-            axes.set_title(f"{_bound_of_s(runs, joint)}{_raised(joints)}", **_REMARK)
+        if variable == "s" and (bound := _bound_of_s(runs, joint)):
+            said = f"{bound:.2g} rad/s"
+            if bound > _NEAR * np.abs(axes.dataLim.intervaly).max():
+                far.append(f"{said} for joint {joint}")
+            else:
+                axes.set_title(rf"bound: $|s| \leq$ {said}{_raised(joints)}", **_REMARK)
         if variable in _SAMPLES:
             middle = float(np.mean(_near(runs, joint)))
             label = f"{ZOOM * 1e3:g} ms that the figure “{RAW}” shows"
             axes.axvline(middle, color="#6E6E6E", linewidth=0.9, zorder=0.85, label=label)
     sheet.note = f"Lines: {_BANDS}"
+    sheet.told = f"That bound lies far outside the panels: {', '.join(far)}." if far else ""
     return sheet
 
 
@@ -259,17 +267,16 @@ def _raised(joints: list[int]) -> str:
     return "\n" if len(joints) > _WIDE_PANELS else ""
 
 
-def _bound_of_s(runs: list[DrawnRun], joint: int) -> str:
-    """Bound of section 4.3 on s of Controller 1: max |epsilon| over lambda."""
+def _bound_of_s(runs: list[DrawnRun], joint: int) -> float:
+    """Bound of section 4.3 on s of Controller 1, rad/s: max |epsilon| over lambda; 0 where it is unknown."""
     for run in that_hold(runs, "epsilon", joint):
         # Of a measured run the gains are not known.
         gains = run.trace.attributes["gains"]
         if run.trace.name == FIRST and "lam" in gains:
             place = run.trace.joint.index(joint)
             # The estimation error of the last sample is not known.
-            bound = float(max_abs(run.trace["epsilon"][:-1])[place]) / gains["lam"][place]
-            return rf"bound: $|s| \leq {bound:.2g}$"
-    return ""
+            return float(max_abs(run.trace["epsilon"][:-1])[place]) / float(gains["lam"][place])
+    return 0.0
 
 
 @dataclass(frozen=True)
