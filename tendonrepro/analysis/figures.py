@@ -26,7 +26,7 @@ from tendonrepro.results.figures.style import (
     journal_style,
     letter_panels,
     open_figure,
-    stroke_of,
+    strokes_of,
 )
 
 _PALE = "#E4EAF1"
@@ -70,8 +70,9 @@ def draw_margins(explanation: Explanation) -> Figure:
         gain, phase = grid[:, k]
         gain.axhline(1.0, color="#999999", linewidth=0.5)
         phase.axhline(-180.0, color="#999999", linewidth=0.5)
-        for number, (run, (hertz, channels)) in enumerate(explanation.curves.items(), start=1):
-            stroke, value = stroke_of(number), channels[k]
+        strokes = strokes_of(explanation.curves)
+        for run, (hertz, channels) in explanation.curves.items():
+            stroke, value = strokes[run], channels[k]
             _line(gain, hertz, np.abs(value), stroke, run)
             _line(phase, hertz, _loop_phase(value), stroke, run)
             place = explanation.margins[run].joints[k].gain_margin_hz
@@ -110,8 +111,9 @@ def draw_map(explanation: Explanation) -> Figure:
     least = np.min(list(borders.values()), axis=0)
     if least.max() > 0.0:
         axes.contourf(factors, factors, least, levels=[0.0, 1e9], colors=[_PALE])
-    for number, (run, distance) in enumerate(borders.items(), start=1):
-        stroke = stroke_of(number)
+    strokes = strokes_of(borders)
+    for run, distance in borders.items():
+        stroke = strokes[run]
         if distance.min() < 0.0 < distance.max():
             style: Look = {"colors": [stroke.colour], "linestyles": [stroke.linestyle]}
             axes.contour(factors, factors, distance, levels=[0.0], linewidths=1.1, **style)
@@ -139,9 +141,10 @@ def draw_loads(explanation: Explanation) -> Figure:
         axes.axvline(
             responses.mode_hz, color="#777777", linewidth=0.7, linestyle="--", label="the arm on its tendons"
         )
-        for number, (_, a, b) in enumerate(view_pairs(explanation.views), start=1):
+        strokes = strokes_of(responses.error)
+        for _, a, b in view_pairs(explanation.views):
             ratio = responses.error[a.law_name][k] / responses.error[b.law_name][k]
-            _line(axes, responses.hertz, ratio, stroke_of(number), f"{a.law_name} over {b.law_name}")
+            _line(axes, responses.hertz, ratio, strokes[a.law_name], f"{a.law_name} over {b.law_name}")
         # Below six panels there is no room for more words.
         axes.set(xscale="log", xlim=responses.hertz[[0, -1]], xlabel="Frequency (Hz)")
     grid[0, 0].set_ylabel("Error of one over the other")

@@ -32,7 +32,7 @@ def draw_sweep(sweep: Sweep) -> style.Drawing:
     grid, joints = sweep.grid, sweep.grid.joints
     rows = ("MAE (deg)", "Ratio of MAE")[: 1 + bool(sweep.ratios)]
     figure = style.open_figure(style.PAGE_MM, 48.0 * len(rows) + 16.0)
-    panels = figure.subplots(len(rows), len(joints), sharex="col", sharey="row", squeeze=False)
+    panels = figure.subplots(len(rows), len(joints), sharex="col", squeeze=False)
     for k in range(len(joints)):
         order, x = _set_values(panels[-1, k], sweep, k)
         _draw_errors(panels[0, k], sweep, order, x, k)
@@ -94,8 +94,9 @@ def _draw_errors(panel: Axes, sweep: Sweep, order: Sequence[int], x: Array, k: i
     status = sweep.status[order]
     gone = np.isin(status, GONE)
     errors = np.where(gone, np.nan, sweep.sizes["mae_deg"][order, :, k])
+    strokes = style.strokes_of(sweep.grid.runs)
     for i, run in enumerate(sweep.grid.runs):
-        stroke, y, ringing = style.stroke_of(i + 1), errors[:, i], status[:, i] == "ringing"
+        stroke, y, ringing = strokes[run], errors[:, i], status[:, i] == "ringing"
         look: Look = {"color": stroke.colour, "marker": "osD^v"[i % 5], "markersize": 3.3}
         label = run.replace("_", " ").capitalize()
         panel.plot(x, y, linestyle=stroke.linestyle, linewidth=stroke.width, label=label, **look)
@@ -108,11 +109,13 @@ def _draw_errors(panel: Axes, sweep: Sweep, order: Sequence[int], x: Array, k: i
 
 def _draw_ratios(panel: Axes, sweep: Sweep, order: Sequence[int], x: Array, k: int) -> None:
     """Lines of the ratios, paler under a slow load."""
+    strokes = style.strokes_of(())
     for i, (pair, ratio) in enumerate(sweep.ratios.items()):
-        colour, label = style.stroke_of(5 + i).colour, pair.upper().replace("_", "/")
+        stroke, label = strokes[f"controller_{pair[1]}"], pair.upper().replace("_", "/")
         simulated, predicted = ratio.simulated[order, k], ratio.predicted[order, k]
-        panel.plot(x, simulated, marker="os"[i], markersize=3.3, color=colour, label=label)
-        panel.plot(x, predicted, ":", marker="_", color=colour, alpha=0.5, label=f"{label}, slow load")
+        panel.plot(x, simulated, marker="PX"[i], markersize=4.0, label=label, **stroke.line)
+        pale: Look = {"color": style.paler(stroke.colour, 0.5), "marker": "_", "zorder": 1.5}
+        panel.plot(x, predicted, ":", label=f"{label}, slow load", **pale)
     panel.axhline(1.0, color="#999999", linewidth=0.4, zorder=0.5)
 
 

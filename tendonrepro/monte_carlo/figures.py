@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import product
+from textwrap import wrap
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator, NullLocator
 
@@ -22,8 +24,18 @@ from tendonrepro.results.figures.style import (
 from tendonrepro.results.summary import CONTROLLERS
 
 _RATIO_NAMES: Mapping[str, str] = {"ratio_c1_c2": "C1/C2", "ratio_c2_c3": "C2/C3"}
-_ROW_MM = 4.2
-_FRAME_MM = 26.0
+_ROW_MM, _LINE_MM = 4.2, 2.5
+"""Least height of a row, and of each line of its name."""
+_FRAME_MM, _LEAST_MM = 26.0, 30.0
+"""Height of what is around the panels, and least height of these."""
+_FEW = 20
+"""Rows up to which their names are as large as other ticks."""
+_TICK_ROOM = 0.24
+"""Least distance of two ticks of a ratio, as a share of the panel's width."""
+_FAR_TICKS = 0.01, 0.03, 0.1, 0.2, 0.3, 0.5, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0
+"""Ticks of ratios far from 1."""
+_NAME = 48
+"""Letters of a row's name on one line."""
 
 
 def ensemble_figures(summary: Json) -> dict[str, Callable[[], Drawing]]:
@@ -86,13 +98,27 @@ def ratio_bar(
         panel.plot(slow, row, "x", color="black", markersize=3.5, label="slow errors")
 
 
+class _RatioTicks(MaxNLocator):
+    """Round numbers that lie apart on a logarithmic axis near 1, where its own ticks are rare."""
+
+    def tick_values(self, vmin: float, vmax: float) -> Sequence[float]:
+        """Ticks in order, from 1 outwards those with room for their text."""
+        ticks: list[float] = []
+        room = _TICK_ROOM * np.log(vmax / vmin)
+        candidates = {*_FAR_TICKS, *(tick for tick in super().tick_values(vmin, vmax) if tick > 0.0)}
+        inside = (tick for tick in candidates if vmin <= tick <= vmax)
+        for tick in sorted(inside, key=lambda tick: abs(np.log(tick))):
+            if all(abs(np.log(tick / other)) >= room for other in ticks):
+                ticks.append(tick)
+        return sorted(ticks)
+
+
 def ratio_axis(panel: Axes) -> None:
     """Scale, ticks and label of ratios of errors."""
     panel.margins(x=0.05)
     panel.axvline(1.0, color="#999999", linewidth=0.4, zorder=0.4)
     panel.set_xscale("log")
-    # Ratios are near 1, where ticks of a logarithmic axis are rare.
-    panel.xaxis.set_major_locator(MaxNLocator(3))
+    panel.xaxis.set_major_locator(_RatioTicks(8, steps=[1, 2, 2.5, 5, 10]))
     panel.xaxis.set_major_formatter("{x:g}")
     panel.xaxis.set_minor_locator(NullLocator())
     panel.set_xlabel("ratio of MAE")
@@ -105,11 +131,15 @@ def rows_figure(
     draw: Callable[[Sequence[Axes]], None],
     caption: str,
     origin: str = "",
+    *,
+    sharex: bool = False,
 ) -> Drawing:
     """Draw titled panels side by side over named rows, the first on top; the legend has each label once."""
     with journal_style():
-        figure = open_figure(PAGE_MM, _FRAME_MM + _ROW_MM * len(rows))
-        axes = figure.subplots(1, len(titles), sharey=True, squeeze=False)[0]
+        names = [_broken(row) for row in rows]
+        row_mm = max(_ROW_MM, _LINE_MM * max(1 + name.count("\n") for name in names))
+        figure = open_figure(PAGE_MM, _FRAME_MM + max(row_mm * len(rows), _LEAST_MM))
+        axes = figure.subplots(1, len(titles), sharex=sharex, sharey=True, squeeze=False)[0]
         for panel, title in zip(axes, titles, strict=True):
             panel.set_title(title)
             panel.tick_params(axis="y", length=0.0)
@@ -123,8 +153,14 @@ def rows_figure(
         }
         figure.legend(marks.values(), marks.keys(), loc="outside upper center", ncols=len(marks))
         axes[0].set_ylim(len(rows) - 0.4, -0.6)
-        axes[0].set_yticks(range(len(rows)), rows, fontsize=6)
+        axes[0].set_yticks(range(len(rows)), names, fontsize=6 if len(rows) > _FEW else 7)
         return Drawing(stem, figure, tuple(axes), caption, origin=origin)
+
+
+def _broken(name: str) -> str:
+    """A row's name in lines, of readings between two of them."""
+    lines = [line for part in name.split("\n") for line in wrap(part.replace("+", "+ "), _NAME)]
+    return "\n".join(lines).replace("+ ", "+")
 
 
 def draw_pairs(population: Json, told: str) -> Drawing:
@@ -156,7 +192,7 @@ def draw_pairs(population: Json, told: str) -> Drawing:
     ]
     titles = [f"{_short(first)}/{_short(over)}" for first, over in pairs]
     origin = f"Simulated, {population['plants']} arms {told}"
-    return rows_figure("pairs", titles, names, draw, caption, origin)
+    return rows_figure("pairs", titles, names, draw, caption, origin, sharex=True)
 
 
 def _short(run: str) -> str:

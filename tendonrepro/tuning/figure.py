@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from matplotlib.axes import Axes
 
+from tendonrepro.configuration.models.control import FIRST, SECOND, THIRD
 from tendonrepro.results.figures import style
 from tendonrepro.tuning.bench import KNOWN, PUBLISHED
 from tendonrepro.tuning.search import TunedRow
@@ -13,6 +14,8 @@ from tendonrepro.tuning.search import TunedRow
 PANELS = {PUBLISHED: "nothing known, velocity as measured", KNOWN: "model known, velocity filtered"}
 LEFT_OUT = {"dob", "alpha_published", "alpha_extrapolating"}  # their curves lie on those of special cases
 MARKERS = "osD^vP"
+AS_RUN = {"alpha_free": FIRST, "ntsm": SECOND, "tsm": THIRD}
+"""Laws that are a controller of the paper, tuned; they have its strokes."""
 FEW = 0.5  # share of plants below which a median is not drawn
 
 
@@ -48,10 +51,11 @@ def _draw(panel: Axes, rows: Sequence[TunedRow], titles: Mapping[str, str], gain
         panel.plot([row["roughness_Nm"] for row in own], [row["error_deg"] for row in own], **look)
 
     best = [row for row in rows if row["alpha"] is None and row["cap"] != "published"]
-    for number, (law, title) in enumerate(titles.items(), start=1):
-        mark = {"marker": MARKERS[(number - 1) % len(MARKERS)], "markersize": 3.2}
+    strokes = style.strokes_of(AS_RUN.get(law, law) for law in titles)
+    for number, (law, title) in enumerate(titles.items()):
+        mark = {"marker": MARKERS[number % len(MARKERS)], "markersize": 3.2}
         front = [row for row in best if row["law"] == law]
-        plot(front, {"label": title, **style.stroke_of(number).line, **mark})
+        plot(front, {"label": title, **strokes[AS_RUN.get(law, law)].line, **mark})
     published = [row for row in rows if row["cap"] == "published"]
     stars, curve = ([row for row in published if (row["alpha"] is None) == given] for given in (True, False))
     star = {"linestyle": "", "marker": "*", "color": "black", "markersize": 6}

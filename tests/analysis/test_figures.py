@@ -10,7 +10,7 @@ from matplotlib.colors import to_hex
 from tendonrepro.analysis.explain import explain
 from tendonrepro.analysis.figures import draw_loads, draw_map, draw_margins
 from tendonrepro.configuration.load import load_config
-from tendonrepro.results.figures.style import journal_style, stroke_of
+from tendonrepro.results.figures.style import journal_style, stroke_of, strokes_of
 
 
 @cache
@@ -73,6 +73,13 @@ def test_a_phase_near_a_half_turn_does_not_leave_the_panel():
     np.testing.assert_allclose(phase[0], -190.0)
 
 
+def test_a_controller_alone_has_the_stroke_that_it_has_beside_others():
+    alone = replace(found(), curves={"controller_2": found().curves["controller_2"]})
+    with journal_style():
+        (curve,) = (line for line in draw_margins(alone).axes[0].lines if line.get_label() == "controller_2")
+    assert curve.get_color() == stroke_of(2).colour
+
+
 class TestMap:
     def test_borders_are_drawn_in_their_strokes(self):
         axes = drawn(draw_map).axes[0]
@@ -81,7 +88,8 @@ class TestMap:
             for collection in axes.collections
             if len(collection.get_edgecolor())
         }
-        assert {stroke_of(number).colour.upper() for number in (1, 2, 3)} <= colours
+        runs = found().borders.distance
+        assert {strokes_of(runs)[run].colour.upper() for run in runs} <= colours
 
     def test_nothing_stable(self):
         overrides = ("control.readings.torque_coordinates=motor_shaft",)

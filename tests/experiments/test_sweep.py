@@ -205,6 +205,8 @@ class TestFigures:
         (line,) = (line for line in panels["b"].lines if line.get_label() == "Controller 2")
         np.testing.assert_array_equal(line.get_ydata(), mae(found, "controller_2")[:, 1])
         np.testing.assert_array_equal(line.get_xdata(), [0.5, 1.0, 2.0])
+        low, high = panels["b"].get_ylim()
+        assert high - low < 1.2 * np.ptp(found.sizes["mae_deg"][..., 1]), "a joint fills its own panel"
         assert panels["d"].get_xlabel() == "sampling_period (ms)"
         shown = {line.get_label(): line.get_ydata() for line in panels["d"].lines}
         np.testing.assert_array_equal(shown["C1/C2"], ratios(found)[:, 1])

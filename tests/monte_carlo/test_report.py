@@ -2,15 +2,18 @@
 
 import csv
 import io
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from PIL import Image
 from support.made_ensemble import DIVERGED, JOINTS, PLANTS, READINGS, box, ensemble, random_errors, whole
 
 from tendonrepro.configuration.models.readings import parse_reading
-from tendonrepro.monte_carlo.figures import draw_ratios, ensemble_figures
+from tendonrepro.monte_carlo.figures import draw_ratios, ensemble_figures, ratio_axis, rows_figure
 from tendonrepro.monte_carlo.report import ensemble_tables, population_summary, slow_ratio
 from tendonrepro.monte_carlo.shares import printed_ratios
+from tendonrepro.results.figures.style import journal_style, open_figure, save_drawing
 
 
 def test_theory_follows_the_weights(mixed):
@@ -99,3 +102,32 @@ def test_figures_are_drawn_without_plants_too(nowhere_stable):
     drawn = {name: draw() for name, draw in ensemble_figures(nowhere_stable).items()}
     assert {drawing.stem for drawing in drawn.values()} == drawn.keys() == {"ratios_box"}
     drawn["ratios_box"].figure.draw_without_rendering()
+
+
+@pytest.mark.pictures
+def test_long_names_of_readings_stay_on_the_page_that_is_written(tmp_path):
+    """A layout for a coarser picture would cut some of their letters off."""
+    names = ["printed", *(f"weights=extrapolating+stored_torque=applied+delay={n}" for n in range(30))]
+    drawn = rows_figure("rows", ["A panel"], names, lambda _: None, "", "Made up")
+    save_drawing(drawn, tmp_path, ("png",))
+    figure, (panel,) = drawn.figure, drawn.axes
+    with Image.open(tmp_path / "rows.png") as image:
+        assert image.info["dpi"][0] == pytest.approx(figure.dpi, abs=0.1)
+    boxes = [label.get_window_extent() for label in panel.get_yticklabels()]
+    assert min(box.x0 for box in boxes) >= 0.0
+    assert all(box.y0 > below.y1 for box, below in pairwise(boxes))
+    assert [label.get_text().replace("\n", "") for label in panel.get_yticklabels()] == names
+
+
+@pytest.mark.parametrize("ends", [(0.999, 1.02), (0.97, 1.4), (0.5, 2.6), (0.02, 4.5), (3.0, 70.0)])
+def test_ticks_of_a_ratio_have_room_and_one_of_them_is_1(ends):
+    with journal_style():
+        panel = open_figure(50.0, 50.0).subplots()
+        ratio_axis(panel)
+        panel.set_xlim(ends)
+        panel.figure.draw_without_rendering()
+        ticks = [label for label in panel.get_xticklabels() if label.get_text()]
+        boxes = [tick.get_window_extent() for tick in ticks]
+    assert len(ticks) >= 2
+    assert all(left.x1 < right.x0 for left, right in pairwise(boxes))
+    assert ("1" in [tick.get_text() for tick in ticks]) == (ends[0] < 1.0)

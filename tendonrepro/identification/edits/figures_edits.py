@@ -72,7 +72,7 @@ def _draw_map(panel: Axes, none: Json, ranked: EditRows, pair: tuple[int, int], 
     inside = np.clip(shown.reshape(-1, 2), *_EDGES)
     panel.plot(*inside.T, "o", color=_EDIT, markersize=2.4, alpha=0.5, markeredgewidth=0.0, clip_on=False)
     for number, place in enumerate(inside[:NUMBERED], start=1):
-        panel.annotate(str(number), place, textcoords="offset points", xytext=(2.5, 1.5), fontsize="xx-small")
+        panel.annotate(str(number), place, textcoords="offset points", xytext=(2.5, 1.5), fontsize=6)
     if none["ranked"]:
         panel.plot(*(none["ratios"][place]["median"] for place in pair), "x", color=_NONE, markersize=5.0)
     panel.plot(first["given"], second["given"], "*", color=_TABLE, markersize=8.0)
@@ -91,10 +91,11 @@ def _draw_likeliest(panel: Axes, ranked: EditRows, factor: float) -> None:
     most = max([*sizes, np.log10(factor)])
     for place, row in enumerate(ranked):
         if row["order_share"] is not None:
-            panel.text(1.04 * most, place, f"{row['order_share']:.0%}", va="center", fontsize="xx-small")
+            panel.text(1.04 * most, place, f"{100.0 * row['order_share']:.0f} %", va="center", fontsize=6)
     panel.axvline(np.log10(factor), **SERIES[1].line)
     names = [f"{number} {fill(row['edit'], _LETTERS)}" for number, row in enumerate(ranked, start=1)]
-    panel.set_yticks(y, names, fontsize="xx-small")
+    panel.set_yticks(y, names, fontsize=6)
+    panel.set_title("share with the order of the table", loc="right", fontsize="small")
     panel.set_ylim(len(ranked) - 0.4, -0.6)
     panel.set_xlim(min([0.0, *sizes]), 1.15 * most)
     panel.set_xlabel("log10 of the likelihood over that of no edit")

@@ -23,10 +23,19 @@ from tendonrepro.results.figures.arm import (
     tendon_paths,
 )
 from tendonrepro.results.figures.panels import Band, Sheet
-from tendonrepro.results.figures.style import COLUMN_MM, PAGE_MM, REFERENCE, Look, Stroke, paler, stroke_of
+from tendonrepro.results.figures.style import (
+    COLUMN_MM,
+    PAGE_MM,
+    REFERENCE,
+    Look,
+    Stroke,
+    paler,
+    stroke_of,
+    strokes_of,
+)
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.records import VARIABLES, Trace, TraceFile
-from tendonrepro.results.summary import CONTROLLERS, run_title
+from tendonrepro.results.summary import run_title
 from tendonrepro.results.tables import rounded
 
 MEAN_WINDOW = 0.05
@@ -67,8 +76,6 @@ _BANDS = f"mean over {MEAN_WINDOW * 1e3:g} ms ± RMS of the samples about it; gr
 _EXPECTED = 0.62
 # A bound up to this many times as high as the curves is said in their panel.
 _NEAR = 2.0
-_PAYLOAD = Stroke("#5DA5DA", (4.0, 1.6))
-"""Controller 1 again, with a payload: its hue, paler."""
 _REMARK: Look = {"loc": "right", "fontsize": "small", "linespacing": 1.35}
 """A title at the right above a panel."""
 
@@ -209,7 +216,7 @@ def draw_payload(file: TraceFile, traces: list[Trace]) -> Sheet:
     for trace in traces:
         mass = float(trace.attributes["payload_mass"])
         load = f"{mass:g} kg payload" if mass else "no payload"
-        runs.append(DrawnRun(trace, f"Controller 1, {load}", _PAYLOAD if mass else stroke_of(1)))
+        runs.append(DrawnRun(trace, f"Controller 1, {load}", strokes_of(())[trace.name]))
     free = next((run for run in runs if run.trace.name == FIRST and not run.diverged), None)
     return _tracking(file, runs, free, "without payload")
 
@@ -304,9 +311,9 @@ class DrawnRun:
 
 
 def controller_runs(traces: list[Trace]) -> list[DrawnRun]:
-    """Controllers 1 to 3 keep their strokes, further laws take the rest in turn."""
-    names = [*CONTROLLERS, *(trace.name for trace in traces if trace.name not in CONTROLLERS)]
-    return [DrawnRun(trace, run_title(trace), stroke_of(1 + names.index(trace.name))) for trace in traces]
+    """Runs with their names and strokes."""
+    strokes = strokes_of(trace.name for trace in traces)
+    return [DrawnRun(trace, run_title(trace), strokes[trace.name]) for trace in traces]
 
 
 def that_hold(runs: list[DrawnRun], variable: str, joint: int) -> list[DrawnRun]:

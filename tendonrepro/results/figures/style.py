@@ -27,6 +27,7 @@ from matplotlib.patches import Polygon
 from matplotlib.text import Text
 
 from tendonrepro import __version__
+from tendonrepro.configuration.models.control import FIRST, LOADED, SECOND, THIRD
 from tendonrepro.files import write_atomically
 from tendonrepro.results.figures import DRAWN
 
@@ -73,15 +74,27 @@ SERIES = (
     Stroke("#777777", (9.0, 2.5)),
     Stroke("#228833", (3.0, 1.2, 1.0, 1.2, 1.0, 1.2)),
 )
-"""Strokes of controllers, joints and motors by number, then of further laws.
+"""Strokes of joints and motors by number; of controllers `strokes_of` knows which.
 
 The first three colours are told apart by any kind of colour vision, and by lightness in grey print.
 """
 
 
 def stroke_of(number: int) -> Stroke:
-    """Stroke of a joint, motor or law by its number from 1; strokes repeat."""
+    """Stroke of a joint or motor by its number from 1; strokes repeat."""
     return SERIES[(number - 1) % len(SERIES)]
+
+
+def strokes_of(runs: Iterable[str]) -> dict[str, Stroke]:
+    """Strokes of the paper's runs, in every figure the same, and of further `runs`, the rest in turn.
+
+    A ratio of two runs has the stroke of the first.
+    """
+    strokes = dict(zip((FIRST, SECOND, THIRD), SERIES, strict=False))
+    # With a payload Controller 1 keeps its hue, paler.
+    strokes[LOADED] = Stroke("#5DA5DA", (4.0, 1.6))
+    further = [name for name in runs if name not in strokes]
+    return strokes | {name: SERIES[3 + place % (len(SERIES) - 3)] for place, name in enumerate(further)}
 
 
 REFERENCE = Stroke("#BEBEBE", (), 2.6)
