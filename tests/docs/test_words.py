@@ -18,7 +18,7 @@ LIMITS = {
     "findings.md": 1_300,
     "how_often_wrong.md": 580,
     "index.md": 130,
-    "notation.md": 2_280,
+    "notation.md": 2_230,
     "own_arm.md": 1_440,
     "predictions.md": 1_260,
     "python.md": 1_610,
