@@ -129,7 +129,7 @@ def shown_commands() -> dict[str, Any]:
 def commands() -> str:
     held = shown_commands()
     wide = max(map(len, held))
-    lines = [f"tendonrepro {name:{wide}}  {command.get_short_help_str(200)}" for name, command in held.items()]
+    lines = [f"{name:{wide}}  {command.get_short_help_str(200)}" for name, command in held.items()]
     return "\n".join(["```", *lines, "```"])
 
 
