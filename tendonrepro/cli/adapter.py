@@ -21,7 +21,7 @@ _DRY_RUN = Annotated[bool, typer.Option("--dry-run", help="Check everything, run
 TERMINAL: dict[str, object] = {
     "as_json": Annotated[bool, typer.Option("--json", help="Print one JSON object.")],
     "quiet": Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")],
-    "verbose": Annotated[bool, typer.Option("--verbose", "-v", help="Say more on standard error.")],
+    "verbose": Annotated[bool, typer.Option("--verbose", "-v", help="Say more; with reproduce, all tables.")],
 }
 """Options of every command."""
 

@@ -25,13 +25,13 @@ from tendonrepro.parallel import Start, counted
 from tendonrepro.results.paper import fitted_under, with_what_they_are
 from tendonrepro.results.paper_tables import made_tables, table_data
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.summary import CONTROLLERS, USER_LAW, tension_sizes
+from tendonrepro.results.summary import USER_LAW, tension_sizes
 from tendonrepro.results.tables import Table
 from tendonrepro.simulation.loop import Loop, TimeDelayController
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result
-from tendonrepro.studies.study import Answer, Study
+from tendonrepro.studies.study import Study
 
 PRECISE = 1e-6
 """Tolerance of the compiled stepper where a single comparison is asked for."""
@@ -248,21 +248,3 @@ def paper_experiments(
     if configs is None and not changes and seed is None:
         experiments[CLOSEST] = prepared(load_config(CLOSEST, "compare"))
     return experiments
-
-
-def summary_of(answers: Mapping[str, Answer[Result]]) -> str:
-    """Mean errors as published, fitted and printed, where both comparisons were run."""
-    if not {"compare", CLOSEST} <= answers.keys() or "table2" not in answers[CLOSEST].data:
-        return ""
-    ours, fitted = answers["compare"].value, answers[CLOSEST].value
-    tables = {
-        "as published, on our typical arm": ours.data["table2"],
-        "fitted to the paper's tables": fitted.data["table2"],
-        "paper": fitted.data["printed"]["table2"],
-    }
-    rows = [
-        {"MAE of joint 2 / joint 3, degrees": name}
-        | {run: " / ".join(f"{size:.3f}" for size in table[run]["mae_deg"]) for run in CONTROLLERS}
-        for name, table in tables.items()
-    ]
-    return Table("summary", "The fit used the paper's tables, so its agreement proves nothing.", rows).text()

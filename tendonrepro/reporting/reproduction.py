@@ -44,9 +44,10 @@ def reproduce(
     dry_run
         Check everything, run nothing.
     """
-    from tendonrepro.experiments.run import experiment_study, paper_experiments, results_of, summary_of
+    from tendonrepro.experiments.run import experiment_study, paper_experiments, results_of
     from tendonrepro.files import refuse_foreign
-    from tendonrepro.reporting.live.page import MARK, PAGE, live_text, page_beside
+    from tendonrepro.reporting.ending import ending
+    from tendonrepro.reporting.live.page import MARK, PAGE, page_beside
     from tendonrepro.studies.lifecycle import carry_out_together, planned
 
     above, folder = Path(out), Folder(formats=formats, figures=figures, force=force)
@@ -73,10 +74,12 @@ def reproduce(
     is_own = config is not None or bool(set)
     page = page_beside(path, experiments["compare"].loaded if is_own else None, talk, force=force)
     data = {name: answer.data for name, answer in answers.items()}
-    texts = [*(answer.text for answer in answers.values()), summary_of(answers), live_text(page)]
+    code = max(answer.exit_code for answer in answers.values())
+    # Where a run diverged the tables say which, and when.
+    tables = [answer.text for answer in answers.values()] if talk.verbose or code else []
     return Answer(
         {"schema_version": 1, **data, "live": page["path"]},
-        "\n\n".join(filter(None, texts)),
+        "\n\n".join([*tables, ending(data, page["path"])]),
         {name: answer.value for name, answer in answers.items()},
-        max(answer.exit_code for answer in answers.values()),
+        code,
     )

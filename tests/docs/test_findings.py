@@ -17,13 +17,13 @@ from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.readings import default_readings
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.shown import BOTH, SHOWN
-from tendonrepro.reporting.contents import percent
 from tendonrepro.reporting.figures import ANSWER
 from tendonrepro.reporting.readings import Row, Shown, read_shown
 from tendonrepro.results.figures.style import Drawing, imprint, journal_style
 from tendonrepro.tuning.bench import KNOWN, PUBLISHED
 from tendonrepro.tuning.search import CAPS
 from tendonrepro.verdicts.judge import Sources, judge_all
+from tendonrepro.verdicts.words import percent
 
 pytestmark = NEEDS_DOCS
 README = DOCS.parent / "README.md"
