@@ -1,13 +1,12 @@
 """The page: its structure, that its numbers are those of the results, that it asks nobody for anything."""
 
 import shutil
-import subprocess
 from dataclasses import replace
-from html import escape
 
 import pytest
 from PIL import Image
 from reporting.conftest import LIKE_HTML
+from support.browser import CHROMIUM, DRIVER, Browser
 from support.html_page import read_page
 
 from tendonrepro.configuration.load import load_config
@@ -21,7 +20,6 @@ from tendonrepro.verdicts.rules import VERDICTS
 from tendonrepro.verdicts.words import claim_in_words, percent
 
 PARTS = "answer why decouple compare claims inconsistencies questions assumptions again"
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
 
 def plain(text):
@@ -131,23 +129,47 @@ def test_what_was_not_run_names_its_command(tmp_path):
     assert 'id="validate"' not in text
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(BROWSER is None, reason="no chromium on the path")
-def test_a_phone_shows_all_without_scrolling_sideways(text, tmp_path):
-    frame = (
-        '<iframe id=f style="width:390px;height:844px;border:0"></iframe><p id=out></p><script>'
-        "f.onload = () => {const page = f.contentDocument; const all = [...page.querySelectorAll('main *')];"
-        "const right = (one) => one.closest('.wide') ? 0 : one.getBoundingClientRect().right;"
-        "const outside = all.filter((one) => right(one) > 391).length;"
-        "out.textContent = page.documentElement.scrollWidth + ' ' + outside}</script>"
-    ).replace("id=f", f'id=f srcdoc="{escape(text)}"')
-    (tmp_path / "frame.html").write_text(frame, encoding="utf-8")
-    words = [str(BROWSER), "--headless=new", "--no-sandbox", "--disable-gpu", "--dump-dom"]
-    words.append((tmp_path / "frame.html").as_uri())
-    done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=120)
-    width, outside = done.stdout.rpartition('<p id="out">')[2].partition("<")[0].split()
-    assert int(width) <= 390
-    assert int(outside) == 0
+PHONE = """
+const all = [...document.querySelectorAll('main *')];
+const isText = (node) => node.nodeType === 3 && node.data.trim();
+const box = (one) => one.getBoundingClientRect();
+const worded = all.filter((one) => [...one.childNodes].some(isText));
+const frames = [...document.querySelectorAll('.wide')].filter((one) => one.scrollWidth > one.clientWidth);
+return {
+  page: document.documentElement.scrollWidth,
+  pictures: [...document.images].map((one) => box(one).width),
+  outside: all.filter((one) => !one.closest('.wide') && box(one).right > 391).map((one) => one.outerHTML),
+  sizes: worded.map((one) => parseFloat(getComputedStyle(one).fontSize)),
+  scrolled: frames.map((one) => one.scrollWidth),
+  names: frames.flatMap((one) => [...one.querySelectorAll('td:first-child')]).map((one) => box(one).width),
+};
+"""
+"""Widths of a page in pixels: of it, its pictures, and wide tables with the names in their first columns."""
+
+
+@pytest.mark.skipif(CHROMIUM is None or DRIVER is None, reason="no chromium with its driver on the path")
+def test_a_phone_shows_all_without_scrolling_sideways(results, tmp_path):
+    """Tables scroll within themselves, pictures shrink, and words are as large as on any page."""
+    folder = shutil.copytree(results, tmp_path / "reports")
+    reading = "phi_branch=power+weights=extrapolating+stored_torque=applied+output_delay=1"
+    heads = " | ".join(f"number {n}" for n in range(9))
+    text = f"Caption\n\n| reading | {heads} |\n|{' --- |' * 10}\n| {reading} |{' 1.2345 |' * 9}\n"
+    (folder / "compare" / "tables" / "table2.md").write_text(text, encoding="utf-8")
+    figure = folder / "compare" / "figures" / "fig14"
+    figure.with_suffix(".svg").unlink()
+    Image.new("L", (2000, 900)).save(figure.with_suffix(".png"), dpi=(300, 300))
+    (tmp_path / "report.html").write_text(page(stored_under(folder)), encoding="utf-8")
+    with Browser() as browser:
+        browser.width(390)
+        browser.open(tmp_path / "report.html")
+        browser.run("document.querySelectorAll('details').forEach((one) => { one.open = true })")
+        seen = browser.run(PHONE)
+    assert seen["page"] <= 390
+    assert seen["outside"] == []
+    assert 300 < max(seen["pictures"]) <= 390
+    assert min(seen["sizes"]) >= 16.0
+    assert max(seen["scrolled"]) > 600
+    assert max(seen["names"]) < 200, "numbers stand beside the names"
 
 
 def test_a_figure_without_svg_is_shown_as_png(tmp_path):
