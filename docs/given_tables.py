@@ -25,7 +25,8 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.published import METRICS, published, row_of
 from tendonrepro.configuration.shown import CHANGED
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS
-from tendonrepro.verdicts.planted import MOST_PLANTS, NOISE, StableErrors, with_noise
+from tendonrepro.results.run_noise import NOISE, with_noise
+from tendonrepro.verdicts.planted import MOST_PLANTS, StableErrors
 
 FOLDS = 5
 """A plant is in the same fold under every interpretation, so that none is judged by itself."""

@@ -7,6 +7,7 @@ import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal, InvalidOperation
+from itertools import compress
 from pathlib import Path
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -82,10 +83,13 @@ class Goal:
     @property
     def sought(self) -> Goal:
         """The runs alone that have a number to fit."""
-        kept = np.asarray(self.fitted.any(axis=(1, 2)))
+        return self.of_runs([bool(run.any()) for run in self.fitted])
+
+    def of_runs(self, kept: Sequence[bool]) -> Goal:
+        """Some of the runs alone, (R,)."""
         return replace(
             self,
-            runs=tuple(run for run, is_kept in zip(self.runs, kept, strict=True) if is_kept),
+            runs=tuple(compress(self.runs, kept)),
             values=self.values[kept],
             half=self.half[kept],
             fitted=self.fitted[kept],

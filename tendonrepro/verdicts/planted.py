@@ -17,6 +17,7 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import METRICS, Published
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS, Share, rate_of
+from tendonrepro.results.run_noise import NOISE, with_noise
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.from_ensemble import judge_plants
 from tendonrepro.verdicts.from_print import PERCENTAGES, error_of, formula_of
@@ -31,16 +32,6 @@ PAPERS = 256
 
 MOST_PLANTS = 512
 """Plants of an interpretation other than ``printed`` whose errors are stored."""
-
-NOISE = 0.02
-"""Relative noise of a run's errors on a joint, one standard deviation.
-
-Simulated runs as published scatter by 1.3 %, root mean square, when masses move by a millionth, and nine of
-ten by less than 1.2 %. The paper shows no repeated run.
-"""
-
-NOISE_OF_SHAPE = 0.25
-"""Noise of RMSE/MAE over `NOISE`: in those repeats it scatters by 0.5 %."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,12 +117,6 @@ def _ruling(others: Plants, printed: Published | None, name: str) -> Ruling:
     if statistics and not printed_order(printed, others.joints, statistics):
         return not_testable("one order of the controllers in all columns")
     return judge_plants(others, printed, name)
-
-
-def with_noise(errors: Array, noise: float, rng: np.random.Generator) -> Array:
-    """Errors (N, runs, metrics, n) with the noise of a run on each joint, much alike in MAE and RMSE."""
-    of_size, of_shape = noise * rng.standard_normal((2, *errors[:, :, 0].shape))
-    return np.asarray(errors * np.exp(np.stack([of_size, of_size + NOISE_OF_SHAPE * of_shape], axis=2)))
 
 
 def print_of(paper: Published, joints: Sequence[int], errors: Array) -> Published | None:

@@ -7,7 +7,8 @@ import pytest
 from scipy.stats import norm
 from support.pages import DOCS, NEEDS_DOCS
 
-from tendonrepro.verdicts.planted import NOISE, StableErrors
+from tendonrepro.results.run_noise import NOISE
+from tendonrepro.verdicts.planted import StableErrors
 
 pytest.importorskip("sklearn")
 pytestmark = NEEDS_DOCS

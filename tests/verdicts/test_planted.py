@@ -10,13 +10,13 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import METRICS, published, row_of
 from tendonrepro.monte_carlo.shares import rate_of
+from tendonrepro.results.run_noise import with_noise
 from tendonrepro.verdicts.planted import (
     RULES,
     false_contradicted,
     print_of,
     stable_errors,
     verdicts_on_papers,
-    with_noise,
 )
 
 REVERSED = "encoder=ideal"

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from tendonrepro.files import Json
+from tendonrepro.identification.edits.variants import told
 from tendonrepro.results.figures.style import (
     PAGE_MM,
     SERIES,
@@ -77,7 +78,7 @@ def _draw_map(panel: Axes, none: Json, ranked: EditRows, pair: tuple[int, int], 
         panel.plot(*(none["ratios"][place]["median"] for place in pair), "x", color=_NONE, markersize=5.0)
     panel.plot(first["given"], second["given"], "*", color=_TABLE, markersize=8.0)
     for axis, ratio in ((panel.xaxis, first), (panel.yaxis, second)):
-        axis.set_label_text(f"{_short(ratio['run'])} over {_short(ratio['over_run'])}")
+        axis.set_label_text(f"{told(ratio['run'])} over {told(ratio['over_run'])}")
     panel.set(xscale="log", yscale="log", xlim=_EDGES, ylim=_EDGES)
     panel.set_xticks(_TICKS, [f"{tick:g}" for tick in _TICKS])
     panel.set_yticks(_TICKS, [f"{tick:g}" for tick in _TICKS])
@@ -99,7 +100,3 @@ def _draw_likeliest(panel: Axes, ranked: EditRows, factor: float) -> None:
     panel.set_ylim(len(ranked) - 0.4, -0.6)
     panel.set_xlim(min([0.0, *sizes]), 1.15 * most)
     panel.set_xlabel("log10 of the likelihood over that of no edit")
-
-
-def _short(run: str) -> str:
-    return run.replace("controller_", "Controller ")

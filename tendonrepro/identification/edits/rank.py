@@ -16,9 +16,7 @@ from scipy.special import gammaln
 from tendonrepro.arrays import Array
 from tendonrepro.identification.goal import Goal
 from tendonrepro.monte_carlo.shares import rate_of
-
-RUN_NOISE = 0.01
-"""Standard deviation of the log of an error between runs that repeat: assumed, the paper repeats none."""
+from tendonrepro.results.run_noise import NOISE, noise_covariance, with_noise
 
 FEWEST = 20
 """Stable plants without which an edit is not ranked."""
@@ -45,14 +43,15 @@ FIRST = 3
 
 
 @dataclass(frozen=True)
-class Likelihoods:
-    """Errors of N plants under E edits, the first of which is none, and whether all runs are stable.
+class Outcomes:
+    """What E edits, the first of which is none, did on N plants.
 
-    `sizes` (E, N, R, 2, n) are in degrees, `stable` (E, N). With `absolute` sizes count, else their ratios
-    alone.
+    `sizes` (E, N, R, 2, n) are errors, deg; `steps` (E, N, R) change of torque in a sample, RMS over joints,
+    N m; `stable` (E, N) whether all runs are. With `absolute` sizes count, else their ratios alone.
     """
 
     sizes: Array
+    steps: Array
     stable: NDArray[np.bool_]
     goal: Goal
     absolute: bool
@@ -86,7 +85,8 @@ class Likelihoods:
     def noise(self, goal: Goal) -> Array:
         """Covariance (d, d) of what counts: of runs that repeat, and of rounding."""
         rounding = np.nan_to_num(goal.half[goal.fitted]) / np.sqrt(3.0) / goal.values[goal.fitted]
-        return np.asarray((self.contrasts * (RUN_NOISE**2 + rounding**2)) @ self.contrasts.T)
+        of_table = noise_covariance(goal.fitted) + np.diag(rounding**2)
+        return np.asarray(self.contrasts @ of_table @ self.contrasts.T)
 
     @cached_property
     def spreads(self) -> Array:
@@ -151,7 +151,7 @@ class Ranking(NamedTuple):
     named: list[int]
 
 
-def ranking(of: Likelihoods, goal: Goal, without: int | None = None) -> Ranking:
+def ranking(of: Outcomes, goal: Goal, without: int | None = None) -> Ranking:
     """Rank edits by how likely they give the errors of a table."""
     logs = of.of(goal, without)
     with np.errstate(invalid="ignore"):
@@ -160,14 +160,7 @@ def ranking(of: Likelihoods, goal: Goal, without: int | None = None) -> Ranking:
     return Ranking(order, ratios, [k for k in order if ratios[k] > np.log(of.factor)])
 
 
-def _rate(count: int, of: int) -> dict[str, float | int | None]:
-    """How many of how many; null without any."""
-    rate = rate_of(count, of)
-    low, high = rate.interval or (None, None)
-    return {"count": count, "of": of, "share": rate.share if of else None, "low": low, "high": high}
-
-
-def planted(of: Likelihoods, papers: int, seed: int) -> dict[str, object]:
+def planted(of: Outcomes, papers: int, seed: int) -> dict[str, object]:
     """How often the edit of a made table is found, and how often one is named where there is none.
 
     A table is that of a plant, with noise and rounded as the given one; the plant is left out of all that it
@@ -178,18 +171,15 @@ def planted(of: Likelihoods, papers: int, seed: int) -> dict[str, object]:
     drawn = [int(k) for k in generator.choice(can, papers)] if can else []
     ranks = [_planted(of, k, generator) for k in drawn]
     clean = [_planted(of, 0, generator) for _ in range(papers if of.ranked[0] else 0)]
-    pairs, itself = [*zip(drawn, ranks, strict=True)], np.arange(len(of.classes))
-    places = [_place(rank, k, of.classes) for k, rank in pairs]
-    counts = {
-        "in_first_three": (sum(place < FIRST for place in places), len(pairs)),
-        "itself_in_first_three": (sum(_place(rank, k, itself) < FIRST for k, rank in pairs), len(pairs)),
-        "named": (sum(k in rank.named for k, rank in pairs), len(pairs)),
-        "any_named": (sum(bool(rank.named) for rank in ranks), len(pairs)),
-        "clean_named": (sum(bool(rank.named) for rank in clean), len(clean)),
+    places = [_place(rank, k, of.classes) for k, rank in zip(drawn, ranks, strict=True)]
+    hits = {
+        "in_first_three": [place < FIRST for place in places],
+        "named": [k in rank.named for k, rank in zip(drawn, ranks, strict=True)],
+        "clean_named": [bool(rank.named) for rank in clean],
     }
+    rates = {name: rate_of(sum(each), len(each)).as_row() for name, each in hits.items()}
     tables = [{"edit": k, "place": place + 1} for k, place in zip(drawn, places, strict=True)]
-    shares = {name: _rate(*count) for name, count in counts.items()}
-    return {"papers": papers, "factor": of.factor, **shares, "tables": tables}
+    return {"papers": papers, "factor": of.factor, **rates, "tables": tables}
 
 
 def _place(rank: Ranking, edit: int, classes: NDArray[np.int64]) -> int:
@@ -198,11 +188,10 @@ def _place(rank: Ranking, edit: int, classes: NDArray[np.int64]) -> int:
     return [*seen].index(int(classes[edit]))
 
 
-def _planted(of: Likelihoods, edit: int, generator: np.random.Generator) -> Ranking:
+def _planted(of: Outcomes, edit: int, generator: np.random.Generator) -> Ranking:
     """Ranking of a table that a plant under an edit makes."""
     plant = int(generator.choice(np.flatnonzero(of.stable[edit])))
-    sizes = of.sizes[edit, plant]
-    sizes = sizes * np.exp(RUN_NOISE * generator.standard_normal(sizes.shape))
+    sizes = with_noise(of.sizes[edit, [plant]], NOISE, generator)[0]
     step = 2.0 * np.where(np.isfinite(of.goal.half), of.goal.half, np.nan)
     rounded = np.where(np.isfinite(step), np.maximum(np.round(sizes / step), 1.0) * step, sizes)
     return ranking(of, replace(of.goal, values=rounded), plant)

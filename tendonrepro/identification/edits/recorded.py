@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property
 from pathlib import Path
 from types import FrameType
 from typing import Any, TypeAlias
@@ -14,7 +14,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array, Numeric, choose
 from tendonrepro.physics import control
-from tendonrepro.physics.control import ANGLES_BACK, TORQUES_BACK, Law, Memory
+from tendonrepro.physics.control import Law, Memory, start_memory
 from tendonrepro.simulation.codegen.symbols import (
     FUNCTIONS,
     OPERATORS,
@@ -39,6 +39,9 @@ SCALARS = ("L", "angle_scale", "power_floor")
 ALPHA = "law.alpha"
 """The weight of the older estimate, ``weights[1]``, from which Eq. (15) has the other one."""
 
+ANSWER = ("tau", "H_hat", "s", "de")
+"""What a law gives, as `physics.control.command` does."""
+
 OLD = "@"
 """In a change, the operand that it replaces."""
 
@@ -62,8 +65,7 @@ class RecordedLaw:
     lines
         By name; what is in no table of operations is an input, with its place in its array.
     outputs
-        ``tau``, ``H_hat``, ``s`` and ``de`` of `physics.control.command`, and ``ddq`` of Eq. (16) where the
-        law is the paper's, by joint.
+        `ANSWER`, and ``ddq`` of Eq. (16) where the law is the paper's, by joint.
     symbols
         The law whose gains are inputs, and ``q``, ``q_d`` and ``ddq_d`` (n,) beside them.
     written
@@ -73,7 +75,7 @@ class RecordedLaw:
     """
 
     lines: dict[str, Line]
-    outputs: Mapping[str, Sequence[Operand]]
+    outputs: Mapping[str, Sequence[str | float]]
     symbols: tuple[Law, Array, Array, Array]
     written: Mapping[str, int]
     law: Law
@@ -132,22 +134,16 @@ def recorded(law: Law, command: CommandFunction | None = None) -> RecordedLaw:
     """
     tape, n = _Recorder(), law.M_bar.size
     symbols = symbolic_law(tape, law)
-    line = partial(input_of, tape)
-    memory = Memory(
-        q=line("memory.q", ANGLES_BACK * law.lag, n),
-        tau=line("memory.tau", TORQUES_BACK * law.lag, n),
-        de=line("memory.de", n),
-        q_d=line("memory.q_d", n),
-        ddq=line("memory.ddq", law.lag, n),
-        H_hat=line("memory.H_hat", n),
-    )
-    q, q_d, dq_d, ddq_d = (line(name, n) for name in ("q", "q_d", "dq_d", "ddq_d"))
+    shapes = {
+        name: part.shape for name, part in start_memory(np.zeros(n), np.zeros(n), law.lag)._asdict().items()
+    }
+    memory = Memory(**{name: input_of(tape, f"memory.{name}", *shape) for name, shape in shapes.items()})
+    q, q_d, dq_d, ddq_d = (input_of(tape, name, n) for name in ("q", "q_d", "dq_d", "ddq_d"))
     own = command or control.command
-    answer = own(memory, q, q_d, dq_d, ddq_d, symbols)
-    outputs = dict(zip(("tau", "H_hat", "s", "de"), answer, strict=True))
+    outputs = dict(zip(ANSWER, own(memory, q, q_d, dq_d, ddq_d, symbols), strict=True))
     if command is None:
         outputs["ddq"] = control.delayed_acceleration(memory, q, symbols)
-    by_joint = {name: list(values) for name, values in outputs.items()}
+    by_joint = {name: [as_operand(value) for value in values] for name, values in outputs.items()}
     return RecordedLaw(tape.lines, by_joint, (symbols, q, q_d, ddq_d), tape.written, law, own)
 
 
@@ -163,43 +159,49 @@ class EditedLaw:
         """What it does, as text."""
         return f"{self.base.law.lag} {sorted(map(repr, self.changes.items()))}"
 
+    @cached_property
+    def lines(self) -> Mapping[str, Line]:
+        """Its operations; a line that a change brings is named after the place where it stands."""
+        lines = dict(self.base.lines)
+        for (name, k), new in self.changes.items():
+            operation, operands = lines[name]
+            if isinstance(new, tuple):
+                brought = f"{name}.{k}"
+                lines[brought] = new[0], tuple(operands[k] if each == OLD else each for each in new[1])
+                new = brought  # noqa: PLW2901
+            lines[name] = operation, (*operands[:k], new, *operands[k + 1 :])
+        return lines
+
     def __call__(
         self, memory: Memory, q: Array, q_d: Array, dq_d: Array, ddq_d: Array, law: Law
     ) -> tuple[Array, Array, Array, Array]:
         """One sample, as `physics.control.command`."""
         given = {"memory": memory, "q": q, "q_d": q_d, "dq_d": dq_d, "ddq_d": ddq_d, "law": law}
-        tau, H_hat, s, de = self.played(("tau", "H_hat", "s", "de"), given, q)
+        tau, H_hat, s, de = self.played(ANSWER, given)
         return tau, H_hat, s, de
 
-    def played(self, names: Sequence[str], given: Given, like: Array) -> list[Array]:
-        """Carry out what some outputs need, with the changes."""
+    def played(self, names: Sequence[str], given: Given) -> list[Array]:
+        """Carry out what some outputs need."""
         values: dict[str, Numeric] = {}
 
         def value(operand: str | float) -> Numeric:
             if not isinstance(operand, str):
                 return operand
             if operand not in values:
-                values[operand] = line(operand, *self.base.lines[operand])
+                operation, operands = self.lines[operand]
+                is_input = operation not in APPLIED
+                values[operand] = (
+                    _given(operation, operands, given)
+                    if is_input
+                    else APPLIED[operation](*map(value, operands))
+                )
             return values[operand]
 
-        def line(name: str, operation: str, operands: Sequence[str | float]) -> Numeric:
-            if operation not in APPLIED:
-                return _given(operation, operands, given)
-            return APPLIED[operation](*(changed((name, k), old) for k, old in enumerate(operands)))
-
-        def changed(place: Place, old: str | float) -> Numeric:
-            new = self.changes.get(place, old)
-            if not isinstance(new, tuple):
-                return value(new)
-            operation, operands = new
-            return line("", operation, [old if operand == OLD else operand for operand in operands])
-
-        kind = np.asarray(like).dtype
         played = []
         for name in names:
-            part = np.empty(np.shape(like), dtype=kind)
+            part = np.empty_like(given["q"])
             for i, output in enumerate(self.base.outputs[name]):
-                part[i] = value(as_operand(output))
+                part[i] = value(output)
             played.append(part)
         return played
 
@@ -210,7 +212,7 @@ class EditedLaw:
         kept = control.remember(memory, q, q_d, de, H_hat, tau, law)
         if "ddq" not in self.base.outputs:
             return kept
-        (ddq,) = self.played(("ddq",), {"memory": memory, "q": q, "law": law}, q)
+        (ddq,) = self.played(("ddq",), {"memory": memory, "q": q, "law": law})
         return kept._replace(ddq=np.concatenate((ddq[np.newaxis], memory.ddq[:-1])))
 
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property, partial
-from itertools import combinations
+from itertools import combinations, pairwise
 from typing import NamedTuple, TypeAlias
 
 from tendonrepro.identification.edits.recorded import (
@@ -19,8 +18,8 @@ from tendonrepro.identification.edits.recorded import (
     RecordedLaw,
 )
 from tendonrepro.physics import control
-from tendonrepro.physics.control import DEGREES_PER_RADIAN, Surface
-from tendonrepro.simulation.codegen.symbols import Operand, as_operand, needed
+from tendonrepro.physics.control import ANGLES_BACK, DEGREES_PER_RADIAN, TORQUES_BACK, Surface
+from tendonrepro.simulation.codegen.symbols import Line, Operand, as_operand, needed
 
 SURFACES = {Surface.NTSM: "Eq. (11)", Surface.TSM: "surface of Controller 3", Surface.PD: "Eq. (9)"}
 FEEDBACKS = {Surface.NTSM: "Eq. (18)", Surface.TSM: "u of Controller 3", Surface.PD: "Eq. (9)"}
@@ -28,12 +27,10 @@ FEEDBACKS = {Surface.NTSM: "Eq. (18)", Surface.TSM: "u of Controller 3", Surface
 NAMES: Mapping[str, str] = {
     "law.M_bar": "M̄", "law.lam": "λ", "law.eta": "η", "law.b": "b", "law.Delta": "Δ", "law.beta": "β",
     "law.K_d": "K_d", "law.K_p": "K_p", "law.L": "L", "law.power_floor": "least |e|", ALPHA: "α",
-    "q": "q(t)", "q_d": "q_d", "dq_d": "q̇_d", "ddq_d": "q̈_d",
-    "memory.q[0]": "q(t−L)", "memory.q[1]": "q(t−2L)", "memory.q[2]": "q(t−3L)",
-    "memory.tau[0]": "τ(t−L)", "memory.tau[1]": "τ(t−2L)", "memory.ddq[0]": "q̈(t−2L)",
+    "q_d": "q_d", "dq_d": "q̇_d", "ddq_d": "q̈_d",
     "memory.q_d": "q_d(t−L)", "memory.de": "ė(t−L)", "memory.H_hat": "Ĥ(t−L)",
 }  # fmt: skip
-"""Inputs of a tape in the letters of the paper."""
+"""Inputs of a tape in the letters of the paper; those of several times have theirs in `_courses`."""
 
 ANGLES = ("q", "q_d", "dq_d", "ddq_d", "memory.q", "memory.ddq", "memory.q_d", "memory.de")
 """Inputs that are angles, or their rates."""
@@ -47,34 +44,7 @@ UNPRINTED = "no equation"
 EVERYWHERE = "everywhere"
 """Where an edit is that changes all uses of a symbol."""
 
-INPUTS = frozenset(name.partition("[")[0] for name in NAMES)
-"""Inputs of a tape, without their place."""
-DELAYED = {"q": ("q", 0), "memory.q": ("q", 1), "memory.tau": ("τ", 1), "memory.ddq": ("q̈", 2)}
-"""Inputs that Eqs. (8), (15) and (16) have of several times, and how many delay times ago the newest is."""
-
 Key: TypeAlias = tuple[object, ...]
-Changed: TypeAlias = Callable[[str | float], New]
-"""What stands in place of an operand, which differs from joint to joint."""
-
-
-@dataclass(frozen=True)
-class Edit:
-    """A change of a law.
-
-    `equation` is its equation, or the line of a user's file, and `words` what is changed there. `places` are
-    operands, and what stands in their place; none where another law was recorded, with so many sampling
-    periods as delay time `lag`.
-    """
-
-    equation: str
-    words: str
-    changes: Changes
-    lag: int = 1
-
-    @property
-    def name(self) -> str:
-        """As an engineer reads it."""
-        return f"{self.equation}: {self.words}"
 
 
 class Anatomy:
@@ -100,6 +70,13 @@ class Anatomy:
             for operand in self.lines[name][1]
             if self.is_part(operand, name, "+-")
         }
+        self.ddq = [*law.outputs.get("ddq", ())]
+        self.times: dict[New | None, str] = {}
+        self.moved: dict[tuple[New | None, int], New | None] = {}
+        for course in _courses(law):
+            self.times |= course
+            for newer, older in pairwise(course):
+                self.moved |= {(newer, 1): older, (older, -1): newer}
         self.alike: dict[Key, list[str]] = defaultdict(list)
         for name in self.used:
             self.alike[self.key(name)].append(name)
@@ -128,17 +105,21 @@ class Anatomy:
             return (operation, *operands[:-1])
         return (operation, *(self.key(each) for each in operands))
 
-    def words(self, operand: str | float, inside: str | None = None) -> str:
+    def words(self, operand: New, inside: str | None = None) -> str:
         """An operand in letters; what has a label is not spelled out, unless it is `inside` that."""
-        if not isinstance(operand, str):
+        if isinstance(operand, str):
+            if operand in self.labels and operand != inside:
+                return self.labels[operand]
+            operand = self.lines[operand]
+        if not isinstance(operand, tuple):
             return f"{operand:g}"
-        operation, operands = self.lines[operand]
-        if self.is_input(operand):
-            place = "".join(f"[{index:g}]" for index in operands[:-1])
-            return NAMES.get(operation + place, operation.removeprefix("law.") + place)
-        if operand in self.labels and operand != inside:
-            return self.labels[operand]
-        return self._spelled(operation, operands)
+        if operand in self.times:
+            return self.times[operand]
+        operation, operands = operand
+        if operation in APPLIED:
+            return self._spelled(operation, operands)
+        places = "".join(f"[{place:g}]" for place in operands[:-1])
+        return NAMES.get(operation, operation.removeprefix("law.")) + places
 
     def _spelled(self, operation: str, operands: Sequence[str | float]) -> str:
         """An operation in letters."""
@@ -167,6 +148,26 @@ class Anatomy:
             and operand not in self.labels
             and self.equations[operand] == self.equations[of]
         )
+
+    def shifted(self, operand: str | float, step: int) -> New | None:
+        """The same quantity a delay time older (1) or newer (-1), if the law has it."""
+        is_input = isinstance(operand, str) and self.is_input(operand)
+        return self.moved.get((self.lines[str(operand)] if is_input else operand, step))
+
+    def uses(self, wanted: Callable[[str, str], bool]) -> Iterator[Place]:
+        """Places of operands that are wanted, by their line and name."""
+        for line in self.used:
+            for k, operand in enumerate(self.lines[line][1]):
+                if isinstance(operand, str) and wanted(line, operand):
+                    yield line, k
+
+    def leaves(self, line: str, inside: Callable[[str], bool]) -> Iterator[tuple[Place, str | float]]:
+        """Operands of a line and of what is inside it, each with its place."""
+        for k, operand in enumerate(self.lines[line][1]):
+            if isinstance(operand, str) and not self.is_input(operand) and inside(operand):
+                yield from self.leaves(operand, inside)
+            else:
+                yield (line, k), operand
 
     @cached_property
     def of_gains(self) -> frozenset[str]:
@@ -211,19 +212,142 @@ def _parts(law: RecordedLaw) -> Iterator[tuple[Operand, str, str]]:
         yield law.outputs["tau"][i], "Eq. (17)", "τ"
 
 
-def _delayed(quantity: str, back: int, lag: int, joint: float) -> New | None:
-    """A quantity so many delay times ago, if the memory of a law holds it."""
-    if (quantity, back) == ("q", 0):
-        return "q", (joint,)
-    reach = {"q": ("memory.q", 1, 3), "τ": ("memory.tau", 1, 2), "q̈": ("memory.ddq", 2, 2)}
-    name, newest, oldest = reach[quantity]
-    # The memory has the newest first, and a place for each sampling period.
-    at = float((back - newest + 1) * lag - 1)
-    return (name, (at, joint)) if newest <= back <= oldest else None
+def _courses(law: RecordedLaw) -> Iterator[dict[New | None, str]]:
+    """Quantities of several times, with their letters, the newest first, as far as the law has them.
+
+    The memory has a place for each sampling period.
+    """
+    for i in range(law.law.M_bar.size):
+
+        def held(name: str, letter: str, periods: int, first: int = 1, i: int = i) -> dict[New | None, str]:
+            """What the memory has, from so many delay times ago on."""
+            places = [
+                (f"memory.{name}", (float(k * law.law.lag - 1), float(i))) for k in range(1, periods + 1)
+            ]
+            return {place: f"{letter}(t−{k}L)".replace("1L", "L") for k, place in enumerate(places, first)}
+
+        yield {("q", (float(i),)): "q(t)"} | held("q", "q", ANGLES_BACK)
+        yield held("tau", "τ", TORQUES_BACK)
+        newest: New | None = law.outputs["ddq"][i] if "ddq" in law.outputs else None
+        yield {newest: "q̈(t−L)"} | held("ddq", "q̈", 1, 2)
 
 
-class OperandChange(NamedTuple):
-    """A change of one operand in lines that are alike.
+class _At(NamedTuple):
+    """An operand, the `k`-th of a line, as rules look at it."""
+
+    of: Anatomy
+    line: str
+    k: int
+
+    @property
+    def operation(self) -> str:
+        return self.of.lines[self.line][0]
+
+    @property
+    def operands(self) -> Sequence[str | float]:
+        return self.of.lines[self.line][1]
+
+    @property
+    def operand(self) -> str | float:
+        return self.operands[self.k]
+
+    @property
+    def made_by(self) -> Line:
+        """The operand's own line."""
+        return self.of.lines[self.operand] if isinstance(self.operand, str) else ("", ())
+
+    @property
+    def is_term(self) -> bool:
+        return self.operation in "+-" and not self.of.is_part(self.operand, self.line, "+-")
+
+
+def _other_sign(at: _At) -> New | None:
+    turns = at.is_term or at.made_by[0].startswith("law.") or at.operation == "negative"
+    return ("*", (OLD, -1.0)) if turns else None
+
+
+def _no_term(at: _At) -> New | None:
+    return 0.0 if at.is_term else None
+
+
+def _no_factor(at: _At) -> New | None:
+    """A factor that depends on gains alone."""
+    is_fixed = not isinstance(at.operand, str) or at.operand in at.of.of_gains
+    is_factor = at.operation == "*" and not at.of.is_part(at.operand, at.line, "*")
+    return 1.0 if is_fixed and (is_factor or (at.operation, at.k) == ("/", 1)) else None
+
+
+def _no_exponent(at: _At) -> New | None:
+    return 1.0 if (at.operation, at.k) == ("**", 1) else None
+
+
+def _branch(at: _At, value: float) -> New | None:
+    return value if (at.operation, at.k) == ("choose", 0) else None
+
+
+def _no_magnitude(at: _At) -> New | None:
+    operation, operands = at.made_by
+    return operands[0] if operation == "abs" else None
+
+
+def _other_joint(at: _At) -> New | None:
+    operation, place = at.made_by
+    if operation in APPLIED or not place or at.of.n == 1:
+        return None
+    return operation, (*place[:-1], (float(place[-1]) + 1.0) % at.of.n)
+
+
+def _other_time(at: _At, step: int) -> New | None:
+    return at.of.shifted(at.operand, step)
+
+
+def _in_degrees(at: _At) -> New | None:
+    """Of an angle, the error, or a gain whose number has a unit."""
+    of, (operation, _) = at.of, at.made_by
+    is_error = at.operand in of.labels and of.equations[str(at.operand)] == UNPRINTED
+    is_angle = operation in ANGLES or at.operand in of.ddq or is_error or operation in UNITS
+    return ("*", (OLD, UNITS.get(operation, DEGREES_PER_RADIAN))) if is_angle else None
+
+
+STEPS = {"older": 1, "newer": -1}
+"""Delay times by which a quantity is moved."""
+
+RULES: Sequence[tuple[str, str, Callable[[_At], New | None]]] = (
+    ("sign", "{old} with the other sign", _other_sign),
+    ("term", "{old} left out", _no_term),
+    ("factor", "factor {old} left out", _no_factor),
+    ("exponent", "exponent {old} left out", _no_exponent),
+    ("branch 1.0", "always {then}", partial(_branch, value=1.0)),
+    ("branch 0.0", "always {otherwise}", partial(_branch, value=0.0)),
+    ("sign in {operation}", "{new} for {old}", _no_magnitude),
+    ("joint", "{old} of the other joint", _other_joint),
+    *((told, "{new} for {old}", partial(_other_time, step=step)) for told, step in STEPS.items()),
+    ("degrees", "{old} in degrees", _in_degrees),
+)
+"""Changes of one operand: their kind, words, and what stands there instead, or None where there is no such.
+
+Changes of one kind and operand are also made together, wherever it stands.
+"""
+
+
+def _changed(of: Anatomy, group: Sequence[str], k: int) -> Iterator[_Use]:
+    """What the rules change of an operand of lines that are alike."""
+    first, *others = (_At(of, line, k) for line in group)
+    for kind, words, rule in RULES:
+        if (new := rule(first)) is None:
+            continue
+        told = {"old": of.words(first.operand), "operation": first.operation}
+        told |= {"new": of.words(new)} if "{new}" in words else {}
+        told |= dict(zip(("then", "otherwise"), map(of.words, first.operands[1:]), strict=False))
+        changes = {(at.line, k): each for at in others if (each := rule(at)) is not None}
+        key = of.key(first.operand)
+        yield _Use(
+            kind.format_map(told), key, first.line, words.format_map(told), {(first.line, k): new} | changes
+        )
+
+
+class _Use(NamedTuple):
+    """A change in lines that are alike.
 
     `kind` and `operand` say which changes of other lines belong together, `line` and `words` name it.
     """
@@ -235,212 +359,108 @@ class OperandChange(NamedTuple):
     changes: dict[Place, New]
 
 
-class Rules:
-    """All edits of one recorded law."""
+def edits_of(law: RecordedLaw) -> dict[str, Changes]:
+    """All edits of a law by name: an equation, or the line of a user's file, and what is changed there."""
+    of = Anatomy(law)
+    named: dict[tuple[str, str], list[_Use]] = defaultdict(list)
+    together: dict[tuple[str, Key], list[_Use]] = defaultdict(list)
+    for group in of.alike.values():
+        equation = of.equations[group[0]]
+        for use in _uses(of, group) if equation != UNPRINTED else ():
+            named[equation, use.words].append(use)
+            together[use.kind, use.operand].append(use)
+    edits: list[tuple[str, str, Changes]] = []
+    changes: Changes
+    for (equation, words), own in named.items():
+        for use in own:
+            context = f", in {of.words(use.line, inside=use.line)}" if len(own) > 1 else ""
+            edits.append((equation, words + context, use.changes))
+    for (_, operand), own in together.items():
+        # An input may stand in equations of other laws, too.
+        is_input = isinstance(operand[0], str) and operand[0] not in APPLIED
+        if is_input or (len(own) > 1 and not isinstance(operand[0], float)):
+            changes = {place: new for use in own for place, new in use.changes.items()}
+            edits.append((EVERYWHERE, own[0].words, changes))
+    # The plainer name of what also a turned sign in a condition does.
+    edits.sort(key=lambda edit: not edit[1].startswith("always"))
+    edits += [(EVERYWHERE, "all angles in degrees", changes) for changes in _all_angles(of)]
+    unique: dict[str, Changes] = {}
+    for equation, words, changes in edits:
+        unique.setdefault(f"{equation}: {words}", changes)
+    return unique
 
-    def __init__(self, law: RecordedLaw) -> None:
-        self.law, self.of = law, Anatomy(law)
-        self.ddq = {str(as_operand(value)): i for i, value in enumerate(law.outputs.get("ddq", ()))}
 
-    def edits(self) -> list[Edit]:
-        """Each under a name of its own."""
-        named: dict[tuple[str, str], list[OperandChange]] = defaultdict(list)
-        together: dict[tuple[str, Key], list[OperandChange]] = defaultdict(list)
-        for group in self.of.alike.values():
-            equation = self.of.equations[group[0]]
-            for use in self._uses(group) if equation != UNPRINTED else ():
-                named[equation, use.words].append(use)
-                together[use.kind, use.operand].append(use)
-        edits = []
-        for (equation, words), own in named.items():
-            for use in own:
-                context = f", in {self.of.words(use.line, inside=use.line)}" if len(own) > 1 else ""
-                edits.append(Edit(equation, words + context, use.changes))
-        for (_, operand), own in together.items():
-            # An input may stand in equations of other laws, too.
-            is_input = operand[0] in INPUTS
-            if is_input or (len(own) > 1 and not isinstance(operand[0], float)):
-                changes = {place: new for use in own for place, new in use.changes.items()}
-                edits.append(Edit(EVERYWHERE, own[0].words, changes))
-        # The plainer name of what also a turned sign in a condition does.
-        edits.sort(key=lambda edit: not edit.words.startswith("always"))
-        unique: dict[str, Edit] = {}
-        for edit in (*edits, *self._angles()):
-            unique.setdefault(edit.name, edit)
-        return [*unique.values()]
+def _uses(of: Anatomy, group: Sequence[str]) -> Iterator[_Use]:
+    line = group[0]
+    operation, operands = of.lines[line]
+    inputs = {of.lines[each][0] for each in operands if isinstance(each, str)}
+    if inputs.intersection(NOT_PRINTED):
+        if operation == "*":
+            # All of φ in degrees, its argument and its value.
+            scales = of.uses(lambda _, operand: of.lines[operand][0] == "law.angle_scale")
+            yield _Use("degrees", (None,), line, "e in degrees", dict.fromkeys(scales, IN_DEGREES))
+        return
+    for k in range(len(operands)):
+        yield from _changed(of, group, k)
+    if operation in "+-" and line not in of.inner:
+        yield from _exchanges(of, group)
+        yield from _shifts(of, group)
 
-    def _uses(self, group: Sequence[str]) -> Iterator[OperandChange]:
-        line, of = group[0], self.of
-        operation, operands = of.lines[line]
-        inputs = {of.lines[each][0] for each in operands if isinstance(each, str)}
-        if inputs.intersection(NOT_PRINTED):
-            yield from self._scaled(line) if operation == "*" else ()
-            return
-        for k, operand in enumerate(operands):
-            words = of.words(operand)
 
-            def use(kind: str, text: str, new: New | Changed, k: int = k) -> OperandChange:
-                changes: dict[Place, New] = {
-                    (name, k): new(of.lines[name][1][k]) if callable(new) else new for name in group
-                }
-                return OperandChange(kind, of.key(of.lines[line][1][k]), line, text, changes)
+IN_DEGREES: New = ("*", (OLD, DEGREES_PER_RADIAN))
 
-            is_gain = isinstance(operand, str) and of.lines[operand][0].startswith("law.")
-            is_term = operation in "+-" and not of.is_part(operand, line, "+-")
-            if is_term or is_gain or operation == "negative":
-                yield use("sign", f"{words} with the other sign", ("*", (OLD, -1.0)))
-            if is_term:
-                yield use("term", f"{words} left out", 0.0)
-            is_factor = operation == "*" and not of.is_part(operand, line, "*")
-            is_fixed = not isinstance(operand, str) or operand in of.of_gains
-            if is_fixed and (is_factor or (operation, k) == ("/", 1)):
-                yield use("factor", f"factor {words} left out", 1.0)
-            if operation == "**" and k == 1:
-                yield use("exponent", f"exponent {words} left out", 1.0)
-            if operation == "choose" and k == 0:
-                for value, branch in ((1.0, operands[1]), (0.0, operands[2])):
-                    yield use(f"branch {value}", f"always {of.words(branch)}", value)
-            if isinstance(operand, str) and of.lines[operand][0] == "abs":
-                inner = of.words(of.lines[operand][1][0])
-                yield use(f"sign in {operation}", f"{inner} for {words}", self._without_sign)
-            if isinstance(operand, str):
-                yield from self._of_symbol(operand, words, use)
-        if operation in "+-" and line not in of.inner:
-            yield from self._exchanges(group)
-            yield from self._shifts(group)
 
-    def _scaled(self, line: str) -> Iterator[OperandChange]:
-        """All of φ in degrees, its argument and its value."""
-        changes: dict[Place, New] = {
-            (name, k): ("*", (OLD, DEGREES_PER_RADIAN))
-            for name in self.of.used
-            for k, operand in enumerate(self.of.lines[name][1])
-            if isinstance(operand, str) and self.of.lines[operand][0] == "law.angle_scale"
-        }
-        yield OperandChange("degrees", ("e",), line, "e in degrees", changes)
+def _exchanges(of: Anatomy, group: Sequence[str]) -> Iterator[_Use]:
+    """Weights of two terms of a sum, exchanged."""
+    per_joint = [_weights(of, line) for line in group]
+    for a, b in combinations(range(len(per_joint[0])), 2):
+        changes: dict[Place, New] = {}
+        for of_joint in per_joint:
+            (place_a, weight_a), (place_b, weight_b) = of_joint[a], of_joint[b]
+            changes |= {place_a: weight_b, place_b: weight_a}
+        first, second = per_joint[0][a][1], per_joint[0][b][1]
+        text = f"{of.words(first)} and {of.words(second)} exchanged"
+        yield _Use("exchange", (of.key(first), of.key(second)), group[0], text, changes)
 
-    def _of_symbol(
-        self, operand: str, words: str, use: Callable[..., OperandChange]
-    ) -> Iterator[OperandChange]:
-        """Changes of an input, or of a quantity that is an angle."""
-        operation, place = self.of.lines[operand]
-        is_input = self.of.is_input(operand)
-        if is_input and place and self.of.n > 1:
-            yield use("joint", f"{words} of the other joint", self._other_joint)
-        for shift, told in ((1, "older"), (-1, "newer")):
-            if (new := self._shifted(operand, shift)) is not None:
-                text = self._told(new)
-                yield use(told, f"{text} for {words}", partial(self._moved, shift))
-        if operation in UNITS:
-            yield use("degrees", f"{words} in degrees", ("*", (OLD, UNITS[operation])))
-        elif (is_input and operation in ANGLES) or operand in self.ddq or self._is_error(operand):
-            yield use("degrees", f"{words} in degrees", ("*", (OLD, DEGREES_PER_RADIAN)))
 
-    def _is_error(self, operand: str) -> bool:
-        """Whether an operand is the error or its rate."""
-        return operand in self.of.labels and self.of.equations[operand] == UNPRINTED
+def _weights(of: Anatomy, line: str) -> list[tuple[Place, str]]:
+    """The first gain in each term of a sum, with its place."""
+    weights = []
+    for place, term in of.leaves(line, partial(of.is_part, of=line, operations="+-")):
+        if not isinstance(term, str):
+            continue
+        factors: list[tuple[Place, str | float]] = [(place, term)]
+        if term not in of.of_gains and not of.is_input(term) and term not in of.labels:
+            factors = [*of.leaves(term, partial(of.is_part, of=term, operations="*"))]
+        gains = [(at, str(factor)) for at, factor in factors if factor in of.of_gains]
+        weights += gains[:1]
+    return weights
 
-    def _without_sign(self, operand: str | float) -> New:
-        """What a magnitude is of."""
-        return self.of.lines[str(operand)][1][0]
 
-    def _other_joint(self, operand: str | float) -> New:
-        operation, place = self.of.lines[str(operand)]
-        return operation, (*place[:-1], float((int(place[-1]) + 1) % self.of.n))
+def _shifts(of: Anatomy, group: Sequence[str]) -> Iterator[_Use]:
+    """All delayed quantities of a sum, one delay time older or newer."""
+    delayed = [
+        (place, operand)
+        for line in group
+        for place, operand in of.leaves(line, lambda name: name not in of.labels)
+        if any(of.shifted(operand, step) for step in STEPS.values())
+    ]
+    for told, step in STEPS.items():
+        new = {place: of.shifted(operand, step) for place, operand in delayed}
+        changes = {place: each for place, each in new.items() if each is not None}
+        if len(changes) == len(delayed) >= 2 * len(group):
+            text = f"{of.words(group[0], group[0])} one L {told}"
+            yield _Use(f"all {told}", of.key(group[0]), group[0], text, changes)
 
-    def _moved(self, shift: int, operand: str | float) -> New:
-        new = self._shifted(operand, shift)
-        assert new is not None  # what a law has of one joint it has of all
-        return new
 
-    def _shifted(self, operand: str | float, shift: int) -> New | None:
-        """The same quantity a delay time older (1) or newer (-1), if the law has it."""
-        lag = self.law.law.lag
-        if operand in self.ddq:
-            quantity, back, joint = "q̈", 1, float(self.ddq[operand])
-        elif isinstance(operand, str) and self.of.lines[operand][0] in DELAYED:
-            operation, place = self.of.lines[operand]
-            quantity, newest = DELAYED[operation]
-            back, joint = newest + (int(place[0]) // lag if len(place) > 1 else 0), float(place[-1])
-        else:
-            return None
-        newest_ddq = {float(i): name for name, i in self.ddq.items()}
-        if (quantity, back + shift) == ("q̈", 1):
-            return newest_ddq.get(joint)
-        return _delayed(quantity, back + shift, lag, joint)
+def _all_angles(of: Anatomy) -> Iterator[Changes]:
+    """All angles and their rates in degrees, as if the whole law were written for them.
 
-    def _told(self, new: New) -> str:
-        if not isinstance(new, tuple):
-            return self.of.words(new)
-        operation, place = new
-        return NAMES.get(operation + "".join(f"[{index:g}]" for index in place[:-1]), operation)
-
-    def _leaves(self, line: str, inside: Callable[[str], bool]) -> Iterator[tuple[Place, str | float]]:
-        """Operands of a line and of what is inside it, each with its place."""
-        for k, operand in enumerate(self.of.lines[line][1]):
-            if isinstance(operand, str) and not self.of.is_input(operand) and inside(operand):
-                yield from self._leaves(operand, inside)
-            else:
-                yield (line, k), operand
-
-    def _shifts(self, group: Sequence[str]) -> Iterator[OperandChange]:
-        """All delayed quantities of a sum, one delay time older or newer."""
-        of = self.of
-        for shift, told in ((1, "older"), (-1, "newer")):
-            changes: dict[Place, New] = {}
-            for line in group:
-                delayed = {
-                    place: operand
-                    for place, operand in self._leaves(line, lambda name: name not in of.labels)
-                    if self._shifted(operand, 1) or self._shifted(operand, -1)
-                }
-                new = {place: self._shifted(operand, shift) for place, operand in delayed.items()}
-                if len(new) < 2 or None in new.values():
-                    break
-                changes |= {place: each for place, each in new.items() if each is not None}
-            else:
-                text = f"{of.words(group[0], group[0])} one L {told}"
-                yield OperandChange(f"all {told}", of.key(group[0]), group[0], text, changes)
-
-    def _exchanges(self, group: Sequence[str]) -> Iterator[OperandChange]:
-        """Weights of two terms of a sum, exchanged."""
-        of = self.of
-        per_joint = [self._weights(line) for line in group]
-        for a, b in combinations(range(len(per_joint[0])), 2):
-            changes: dict[Place, New] = {}
-            for of_joint in per_joint:
-                (place_a, weight_a), (place_b, weight_b) = of_joint[a], of_joint[b]
-                changes |= {place_a: weight_b, place_b: weight_a}
-            first, second = per_joint[0][a][1], per_joint[0][b][1]
-            text = f"{of.words(first)} and {of.words(second)} exchanged"
-            yield OperandChange("exchange", (of.key(first), of.key(second)), group[0], text, changes)
-
-    def _weights(self, line: str) -> list[tuple[Place, str]]:
-        """The first gain in each term of a sum, with its place."""
-        of, weights = self.of, []
-        for place, term in self._leaves(line, partial(of.is_part, of=line, operations="+-")):
-            if not isinstance(term, str):
-                continue
-            factors: list[tuple[Place, str | float]] = [(place, term)]
-            if term not in of.of_gains and not of.is_input(term) and term not in of.labels:
-                factors = [*self._leaves(term, partial(of.is_part, of=term, operations="*"))]
-            gains = [(at, factor) for at, factor in factors if factor in of.of_gains]
-            weights += [(at, str(factor)) for at, factor in gains[:1]]
-        return weights
-
-    def _angles(self) -> Iterator[Edit]:
-        """All angles and their rates in degrees, as if the whole law were written for them.
-
-        Accelerations are remembered as Eq. (16) gives them, and count in degrees where they are used.
-        """
-        of = self.of
-        remembered = {*needed(of.lines, self.ddq)}
-        changes: dict[Place, New] = {
-            (name, k): ("*", (OLD, DEGREES_PER_RADIAN))
-            for name in of.used
-            for k, operand in enumerate(of.lines[name][1])
-            if isinstance(operand, str) and name not in remembered
-            if operand in self.ddq or of.lines[operand][0] in ANGLES
-        }
-        if changes:
-            yield Edit(EVERYWHERE, "all angles in degrees", changes)
+    Accelerations are remembered as Eq. (16) gives them, and count in degrees where they are used.
+    """
+    remembered = {*needed(of.lines, of.ddq)}
+    places = of.uses(
+        lambda line, operand: line not in remembered and (operand in of.ddq or of.lines[operand][0] in ANGLES)
+    )
+    if changes := dict.fromkeys(places, IN_DEGREES):
+        yield changes

@@ -1,31 +1,184 @@
-"""Check and prepare a study of every small change of the equations."""
+"""Every edit on plants of the ranges: what is run, kept on disk as it comes, and told."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tendonrepro import __version__
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.models.control import unloaded_run
 from tendonrepro.configuration.models.experiment import errors_from
-from tendonrepro.configuration.published import published
+from tendonrepro.configuration.models.readings import PRINTED, Reading, parse_reading
+from tendonrepro.configuration.published import METRICS, published
 from tendonrepro.errors import UsageError
-from tendonrepro.experiments.user_law import UserLaw, with_user_laws
+from tendonrepro.experiments.user_law import UserLaw, refuse_memory, refused_on_lanes, with_user_laws
 from tendonrepro.files import digest_of
-from tendonrepro.identification.edits.report import SCHEMA_VERSION, edits_result
-from tendonrepro.identification.edits.runs import EditStudy
+from tendonrepro.identification.edits.rank import Outcomes
+from tendonrepro.identification.edits.recorded import EditedLaw
+from tendonrepro.identification.edits.report import APART, SCHEMA_VERSION, edits_result
+from tendonrepro.identification.edits.variants import Variants, controller_of, law_of, variants_of
 from tendonrepro.identification.goal import Goal, own_numbers, printed_numbers
-from tendonrepro.parallel import check_jobs
+from tendonrepro.monte_carlo.evaluate import fill, record, still_missing, stub_of
+from tendonrepro.monte_carlo.plan import PLANTS_AT_ONCE, ROOMS, Piece, code_digest, cost_of
+from tendonrepro.monte_carlo.population import population_of
+from tendonrepro.parallel import as_ready, check_jobs
+from tendonrepro.physics.metrics import STATUSES
+from tendonrepro.results.record_store import Records, RecordStore, RecordType
+from tendonrepro.simulation.batch import simulate_batch
+from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site, Study
 
 KEPT = "plants"
-"""Folder of what an interrupted study goes on with."""
+"""Folder of what an interrupted study goes on with, and name of its only population."""
+
+MEASURED = ("mae", "rmse", "torque_step_rms")
+"""Statistics that are kept of a run."""
+
+_CELLS: dict[str, dict[tuple[str, str], EditedLaw | None]] = {}
+"""Edited laws of a study by its identity: the same objects for all its pieces, so compiled once a process."""
+
+
+@dataclass(frozen=True, eq=False)
+class EditStudy:
+    """Plants, runs whose laws are edited, and the errors that edits are ranked by.
+
+    The runs are those of `goal`. Edits are of a user's `laws` among them, or where there are none, of all.
+    """
+
+    loaded: LoadedEnsemble
+    laws: tuple[UserLaw, ...]
+    goal: Goal
+    plants: int
+
+    @property
+    def readings(self) -> tuple[Reading, ...]:
+        """As published, and with starts apart; around an arm of a user's own as its comparison says."""
+        return tuple(map(parse_reading, (PRINTED,) if self.loaded.around else (PRINTED, APART)))
+
+    def loops(self, first: int, count: int) -> list[dict[tuple[str, str], Loop]]:
+        """Loops of plants, by run and reading, their laws unedited."""
+        population = population_of(self.loaded)
+        values = population.sample(int(self.loaded.config.seed.si), 0, first, count)
+        cases = [(run, reading) for run in self.goal.runs for reading in self.readings]
+        names = [(run, reading.name) for run, reading in cases]
+        return [dict(zip(names, of, strict=True)) for of in population.loops(values, cases, self.laws)]
+
+    @cached_property
+    def variants(self) -> Variants:
+        """Edits of the laws, from those of the first plant: the gains are the same on all.
+
+        Raises
+        ------
+        UsageError
+            For a law that cannot run on many plants together.
+        """
+        first = self.loops(0, 1)[0]
+        edited = tuple(law.name for law in self.laws) or self.goal.runs
+        loops = {run: first[run, PRINTED] for run in edited}
+        for law in self.laws:
+            stub = stub_of(loops[law.name])
+            try:
+                simulate_batch([stub])
+                law_of(stub)
+            except Exception as error:
+                raise refused_on_lanes(law.name, error) from error
+            refuse_memory(law, stub)
+        return variants_of(loops)
+
+    @cached_property
+    def cells(self) -> dict[tuple[str, str], EditedLaw | None]:
+        """Laws to run, by run and what was changed; the unedited ones first, where nothing was."""
+        cells: dict[tuple[str, str], EditedLaw | None] = {(run, ""): None for run in self.goal.runs}
+        for edit in self.variants.edits:
+            for run, law in edit.laws.items():
+                cells.setdefault((run, law.content), law)
+        return cells
+
+    @cached_property
+    def lookup(self) -> NDArray[np.int64]:
+        """Place among `cells` of each run of an edit, (1 + edits, R); the first row is without an edit."""
+        place = {key: k for k, key in enumerate(self.cells)}
+        rows = [{run: law.content for run, law in edit.laws.items()} for edit in self.variants.edits]
+        return np.array([[place[run, row.get(run, "")] for run in self.goal.runs] for row in ({}, *rows)])
+
+    @property
+    def record(self) -> RecordType:
+        """A record of one plant: by reading and cell a status, and statistics by joint, SI."""
+        shape = len(self.readings), len(self.cells)
+        numbers = [(name, np.float32, (*shape, len(self.loaded.compare.joints))) for name in MEASURED]
+        return np.dtype([("status", np.int8, shape), *numbers])
+
+    @cached_property
+    def identity(self) -> str:
+        """SHA-256 of all that a record depends on."""
+        return digest_of(
+            {
+                "version": __version__,
+                "code": code_digest(*ROOMS),
+                "config": [self.loaded.sha256, with_user_laws(self.loaded.base, self.laws).sha256],
+                "readings": [reading.name for reading in self.readings],
+                "edits": [*self.cells],
+            }
+        )
+
+    @property
+    def cost(self) -> dict[str, float]:
+        """What it takes, as a dry run says."""
+        numbers = len(MEASURED) * len(self.loaded.compare.joints)
+        return cost_of(self.plants * len(self.readings) * len(self.cells), numbers)
+
+    def run(self, site: Site, jobs: int) -> Records:
+        """Records of all plants; those that are on disk are not run again."""
+        path = site.files / KEPT / f"{KEPT}-{self.identity[:12]}.npy"
+        stores = {KEPT: RecordStore(path, self.record, self.plants)}
+        cuts = np.split(np.arange(self.plants), range(PLANTS_AT_ONCE, self.plants, PLANTS_AT_ONCE))
+        pieces = still_missing([Piece(KEPT, plants) for plants in cuts], stores)
+        _CELLS[self.identity] = self.cells
+        # A copy has none of the laws that were recorded, which is much to send to other processes.
+        stream = as_ready(partial(_piece, replace(self), self.identity, self.record), pieces, jobs)
+        fill(stores, pieces, stream, site.talk)
+        return stores[KEPT].read()
+
+    def outcomes(self, records: Records, reading: int) -> Outcomes:
+        """What all edits did under a reading."""
+        of = {name: records[name][:, reading][:, self.lookup] for name in ("status", *MEASURED)}
+        sizes = np.rad2deg(np.stack([of[metric] for metric in METRICS], axis=-2).astype(float))
+        with np.errstate(over="ignore", invalid="ignore"):
+            steps = np.sqrt((of["torque_step_rms"].astype(float) ** 2).mean(axis=-1))
+        stable = (of["status"] == STATUSES.index("ok")).all(axis=-1)
+        absolute = self.loaded.around is not None
+        return Outcomes(sizes.swapaxes(0, 1), steps.swapaxes(0, 1), stable.T, self.goal, absolute)
+
+
+def _piece(study: EditStudy, identity: str, kind: RecordType, piece: Piece) -> tuple[Piece, Records]:
+    """Records of some plants."""
+    cells = _CELLS.get(identity) or _CELLS.setdefault(identity, study.cells)
+    loops = [
+        _edited(of_plant[run, reading.name], law)
+        for of_plant in study.loops(int(piece.plants[0]), len(piece.plants))
+        for reading in study.readings
+        for (run, _), law in cells.items()
+    ]
+    records = np.empty(len(piece.plants), kind)
+    record(simulate_batch(loops), records)
+    return piece, records
+
+
+def _edited(loop: Loop, law: EditedLaw | None) -> Loop:
+    if law is None:
+        return loop
+    controller = controller_of(loop)
+    gains = controller.law._replace(lag=law.base.law.lag)
+    return replace(loop, controller=replace(controller, law=gains, command=law, on_lanes=True))
 
 
 def edits_study(
@@ -48,19 +201,21 @@ def edits_study(
     if plants < 1:
         raise UsageError(f"must be at least 1, found {plants}", where="--plants")
     check_jobs(jobs)
-    goal = goal_of(loaded, laws, errors)
-    task = EditStudy(loaded, tuple(laws), goal, plants)
+    task = EditStudy(loaded, tuple(laws), goal_of(loaded, laws, errors), plants)
 
     def run(site: Site) -> Result:
         if seconds := errors_from(loaded.compare):
             site.talk.note(f"errors_from, {seconds:g} s, is left aside: errors are of whole runs")
+        records = task.run(site, jobs)
+        outcomes = {reading.name: task.outcomes(records, k) for k, reading in enumerate(task.readings)}
+        result = edits_result(task.variants, outcomes, int(loaded.config.seed.si))
         solver = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
         head = {"experiment": "edits", "solver": solver, "ensemble_sha256": loaded.sha256}
-        return replace(edits_result(task, task.run(site, jobs, KEPT)), manifest=head)
+        return replace(result, manifest=head)
 
     base = with_user_laws(loaded.base, laws)
     inputs = (*base.inputs, *([errors] if errors else []))
-    numbers = [goal.runs, goal.values.tolist(), goal.half.tolist()]
+    numbers = [task.goal.runs, task.goal.values.tolist(), task.goal.half.tolist()]
     decided_by = {"edits": task.identity, "plants": plants, "errors": numbers}
     base = replace(base, sha256=digest_of(decided_by), origin=loaded.origin, inputs=inputs)
     told = f"edits: {len(task.variants.edits)} edits on {plants} plants"
@@ -83,6 +238,4 @@ def goal_of(loaded: LoadedEnsemble, laws: Sequence[UserLaw], errors: Path | None
         if name not in goal.runs:
             message = f"has no errors of the run {name}, which is edited"
             raise UsageError(message, where=str(errors), hint=f"name it in the column run: {name}")
-    kept = np.array([not unloaded_run(run) for run in goal.runs])
-    runs = tuple(run for run in goal.runs if not unloaded_run(run))
-    return replace(goal, runs=runs, values=goal.values[kept], half=goal.half[kept], fitted=goal.fitted[kept])
+    return goal.of_runs([not unloaded_run(run) for run in goal.runs])

@@ -6,14 +6,13 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.identification.edits.recorded import EditedLaw, RecordedLaw, recorded
-from tendonrepro.identification.edits.rules import EVERYWHERE, Edit, Rules
+from tendonrepro.identification.edits.rules import EVERYWHERE, edits_of
 from tendonrepro.physics import control
 from tendonrepro.physics.control import ANGLES_BACK, TORQUES_BACK, Memory
 from tendonrepro.simulation.loop import Loop, TimeDelayController
@@ -27,28 +26,11 @@ POINTS, SAME = 100, 1e-9
 
 @dataclass(frozen=True)
 class Variant:
-    """One edit, and the runs whose law has it.
+    """An edit as an engineer reads it, the edited law of each run that has it, and edits of equal torques."""
 
-    `laws` has the edited law of each of these; `others` are names of edits with the same torques.
-    """
-
-    equation: str
-    words: str
-    runs: tuple[str, ...]
-    alone: bool
+    name: str
     laws: Mapping[str, EditedLaw]
     others: tuple[str, ...] = ()
-
-    @property
-    def shared_name(self) -> str:
-        """Name of the edit in whichever run."""
-        return f"{self.equation}: {self.words}"
-
-    @property
-    def name(self) -> str:
-        """As an engineer reads it."""
-        told = self.runs[0].replace("controller_", "Controller ")
-        return self.shared_name + (f", in {told} alone" if self.alone else "")
 
 
 @dataclass(frozen=True)
@@ -67,58 +49,56 @@ def controller_of(loop: Loop) -> TimeDelayController:
     return loop.controller
 
 
-def variants_of(loops: Mapping[str, Loop]) -> Variants:
-    """All edits of the laws of some runs.
-
-    An edit of an equation that several laws have is one of all of them, and one of each alone.
-    """
-    laws = {run: law_of(loop) for run, loop in loops.items()}
-    by_name: dict[str, dict[str, tuple[Edit, EditedLaw]]] = defaultdict(dict)
-    for run, law in laws.items():
-        for edit in Rules(law).edits():
-            by_name[edit.name][run] = edit, EditedLaw(law, edit.changes)
-        for lag, words in LAGS.items() if law.command is control.command and law.law.lag == 1 else ():
-            edit = Edit(EVERYWHERE, words, {})
-            by_name[edit.name][run] = edit, EditedLaw(recorded(law.law._replace(lag=lag)))
-    made = []
-    for of_runs in by_name.values():
-        edit = next(iter(of_runs.values()))[0]
-        edited = {run: law for run, (_, law) in of_runs.items()}
-        made.append(Variant(edit.equation, edit.words, tuple(edited), False, edited))
-        if len(edited) > 1:
-            made += [Variant(edit.equation, edit.words, (run,), True, {run: edited[run]}) for run in edited]
-    return _distinct(made, {run: EditedLaw(law) for run, law in laws.items()})
-
-
 def law_of(loop: Loop) -> RecordedLaw:
     """Record the law of a run."""
     controller = controller_of(loop)
     return recorded(controller.law, controller.command)
 
 
+def told(run: str) -> str:
+    """Name of a run, as an engineer reads it."""
+    return run.replace("controller_", "Controller ")
+
+
+def variants_of(loops: Mapping[str, Loop]) -> Variants:
+    """All edits of the laws of some runs.
+
+    An edit of an equation that several laws have is one of all of them, and one of each alone.
+    """
+    laws = {run: law_of(loop) for run, loop in loops.items()}
+    by_name: dict[str, dict[str, EditedLaw]] = defaultdict(dict)
+    for run, law in laws.items():
+        for name, changes in edits_of(law).items():
+            by_name[name][run] = EditedLaw(law, changes)
+        for lag, words in LAGS.items() if law.command is control.command and law.law.lag == 1 else ():
+            by_name[f"{EVERYWHERE}: {words}"][run] = EditedLaw(recorded(law.law._replace(lag=lag)))
+    made = []
+    for name, edited in by_name.items():
+        made.append(Variant(name, edited))
+        alone = edited if len(edited) > 1 else ()
+        made += [Variant(f"{name}, in {told(run)} alone", {run: edited[run]}) for run in alone]
+    return _distinct(made, {run: EditedLaw(law) for run, law in laws.items()})
+
+
 def _distinct(variants: Sequence[Variant], base: Mapping[str, EditedLaw]) -> Variants:
     """Leave out what changes no torque, and name together what changes it alike."""
     unedited = {run: torques(law) for run, law in base.items()}
-    kept = [np.concatenate([*unedited.values()])]
-    same: list[list[str]] = [[]]
-    first: list[Variant] = []
-    no_number = []
+    kept, same = [np.concatenate([*unedited.values()])], [[""]]
+    first, no_number = [Variant("", {})], []
     for variant in variants:
         parts = {run: torques(law) for run, law in variant.laws.items()}
-        if not all(np.isfinite(part).any() for part in parts.values()):
-            no_number.append(variant.name)
-            continue
         values = np.concatenate([*(unedited | parts).values()])
         alike = np.flatnonzero(_equal(np.array(kept), values))
-        if alike.size:
+        if not all(np.isfinite(part).any() for part in parts.values()):
+            no_number.append(variant.name)
+        elif alike.size:
             same[alike[0]].append(variant.name)
-            continue
-        kept.append(values)
-        same.append([])
-        first.append(variant)
-    unchanged, *others = same
-    edits = tuple(replace(variant, others=tuple(names)) for variant, names in zip(first, others, strict=True))
-    return Variants(edits, tuple(unchanged), tuple(no_number), len(variants))
+        else:
+            kept.append(values)
+            same.append([variant.name])
+            first.append(variant)
+    edits = [replace(variant, others=tuple(names[1:])) for variant, names in zip(first, same, strict=True)]
+    return Variants(tuple(edits[1:]), edits[0].others, tuple(no_number), len(variants))
 
 
 def _equal(laws: Array, law: Array) -> NDArray[np.bool_]:
@@ -131,15 +111,11 @@ def _equal(laws: Array, law: Array) -> NDArray[np.bool_]:
 
 def torques(law: EditedLaw) -> Array:
     """Torques and accelerations of a law at test points, in a row."""
-    given = states(law.base.law.M_bar.size)
+    names = ("memory", "q", "q_d", "dq_d", "ddq_d", "law")
+    given = dict(zip(names, (*states(law.base.law.M_bar.size), law.base.law), strict=True))
     with np.errstate(all="ignore"):
-        tau, *_ = law(*given, law.base.law)
-        rest = law.played(("ddq",), _named(given, law), given[1]) if "ddq" in law.base.outputs else []
-    return np.concatenate([np.ravel(part) for part in (tau, *rest)]).astype(float)
-
-
-def _named(given: Sequence[Any], law: EditedLaw) -> dict[str, Any]:
-    return dict(zip(("memory", "q", "q_d", "dq_d", "ddq_d"), given, strict=True)) | {"law": law.base.law}
+        parts = law.played([name for name in ("tau", "ddq") if name in law.base.outputs], given)
+    return np.concatenate([np.ravel(part) for part in parts]).astype(float)
 
 
 @cache
