@@ -109,32 +109,41 @@ def tuned_over_published(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[st
     return found
 
 
-SAMPLED = "encoder=ideal"
-"""Interpretation of the sample: without encoder steps a run is not chaotic, so any machine gives its numbers."""
+SAMPLED, SAMPLE = "encoder=ideal", 32
+"""Interpretation of which the first plants are stored, stable or not, and how many."""
 
-
-SAMPLE = 32
-"""Plants of the sample, a second or two of work."""
+OF_EACH = 4
+"""Plants of every other interpretation: the first on which all its runs are stable."""
 
 
 def sample_of(ensemble: EnsembleData) -> dict[str, Any]:
-    """First plants of an ensemble as drawn, to the last digit, and how each run ended: a test makes them again.
+    """Some plants of an ensemble as drawn, to the last digit, and how their runs ended: a test makes them again.
 
     Random noise depends on every row of the ranges, also on later ones. So plants with noise are left out.
     """
     of_row = dict(zip(ensemble.names, ensemble.draws.T, strict=True))
     noisy = (of_row["torque_noise_acts"] > 0.0) | (of_row["disturbance"] == WORDS["disturbance"].index("noise"))
-    chosen = np.flatnonzero(~noisy)[:SAMPLE]
+    quiet, stable = np.flatnonzero(~noisy), STATUSES.index("ok")
+    chosen = {
+        name: quiet[np.all([ensemble.status(run, name)[quiet] == stable for run in RUNS], axis=0)][:OF_EACH]
+        for name in SHOWN
+        if name in ensemble.readings
+    } | {SAMPLED: quiet[:SAMPLE]}
+    plants = np.unique(np.concatenate([*chosen.values()]))
 
-    def run_of(name: str) -> dict[str, Any]:
-        status = [STATUSES[code] for code in ensemble.status(name, SAMPLED)[chosen]]
-        sizes = {key: rounded(ensemble.statistic(name, SAMPLED, key)[chosen].tolist()) for key in ("mae", "rmse")}
-        return {"status": status, **sizes}
+    def runs_of(name: str) -> dict[str, Any]:
+        return {
+            run: {"status": [STATUSES[code] for code in ensemble.status(run, name)[chosen[name]]]}
+            | {key: rounded(ensemble.statistic(run, name, key)[chosen[name]].tolist()) for key in ("mae", "rmse")}
+            for run in RUNS
+        }
 
     return {
-        "reading": SAMPLED,
-        "draws": {name: values[chosen].tolist() for name, values in of_row.items()},
-        "runs": {name: run_of(name) for name in RUNS},
+        "draws": {name: values[plants].tolist() for name, values in of_row.items()},
+        "readings": {
+            name: {"plants": np.searchsorted(plants, places).tolist(), "runs": runs_of(name)}
+            for name, places in chosen.items()
+        },
     }
 
 
