@@ -128,7 +128,7 @@ def command_of(torque, run):
 
 def log_of(trace, run) -> Log:
     config, part = load_config(None, "compare").config, slice(0, SAMPLES)
-    gains, reference = config.control.gains, run.reference
+    reference = run.reference
     return Log(
         run="run",
         joints=config.joints,
@@ -141,10 +141,8 @@ def log_of(trace, run) -> Log:
         command=trace["tau_m"][part],
         applied=None,
         S=run.plant.drive.S,
-        b=gains.b.si,
-        Delta=gains.Delta.si,
+        expected=config,
         angle_rounding=np.zeros(len(config.joints)),
-        encoder_step=config.manipulator.encoders.joint.resolution.si,
     )
 
 

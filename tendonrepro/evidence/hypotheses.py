@@ -8,42 +8,26 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import product
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.models.readings import AXES, Reading, under
 from tendonrepro.evidence.log import Log
-from tendonrepro.experiments.loops import PERIODS
-from tendonrepro.physics.control import DEGREES_PER_RADIAN, Law, phi, phi_slope
+from tendonrepro.experiments.loops import PERIODS, build_law
+from tendonrepro.physics.control import Law, phi, phi_slope
 
 FORGOTTEN = 20.0
 """Time constants after which a filter has forgotten its start: to 2e-9 of it."""
 LINEAR = "linear"
 """Surface of Controller 3 and of plain time-delay control: feedback of the error and its rate alone."""
 NTSM = "ntsm"
-PRINTED: Mapping[str, str] = {
-    "phi_branch": "printed",
-    "phi_negative": "odd",
-    "gain_unit": "radian",
-    "Delta_unit": "rad",
-    "eta_in_controller_2": "kept",
-    "differencing": "lagging",
-    "delay_time": "one_period",
-    "error_rate": "backward_difference",
-    "feedback": "joint",
-    "stored_torque": "commanded",
-    "torque_coordinates": "joint",
-    "output_delay": "0",
-    "logged_torque": "applied",
-    "estimate_filter": "none",
-    "reference_acceleration": "fed_forward",
-}
-"""What can be told from a log, by axis of readings, each as the paper has it."""
+PRINTED = {name: axis.printed for name, axis in AXES.items()} | {"logged_torque": "applied"}
+"""Axes of readings as the paper has them, and which torque is in a log of one torque alone."""
 FILTERS = (
     ("error_rate", "low_pass"),
     ("estimate_filter", "acceleration"),
@@ -59,6 +43,10 @@ _PHI: tuple[tuple[tuple[str, str], ...], ...] = (
     (("Delta_unit", "deg"),),
     (("eta_in_controller_2", "dropped"),),
 )
+
+
+_OF_PHI = ("phi_branch", "phi_negative", "gain_unit", "Delta_unit")
+"""Axes on which ``phi`` depends."""
 
 
 @dataclass(frozen=True)
@@ -177,8 +165,9 @@ def regression(log: Log, joint: int, hypothesis: Hypothesis) -> Regression:
     if hypothesis.surface == LINEAR:
         feedback = [de, e]
     else:
-        law = _phi_law(log, readings)
-        feedback = [de, phi_slope(e, law, i) * de, phi(e, law, i)]
+        law = _phi_law(log, tuple((axis, readings[axis]) for axis in _OF_PHI))
+        place = log.expected.joints.index(log.joints[i])
+        feedback = [de, phi_slope(e, law, place) * de, phi(e, law, place)]
     estimate = [_back(stored, lag), _back(stored, 2 * lag), ddq, _back(ddq, lag)]
     acceleration = [ddq_d, *feedback]
     y = command
@@ -249,19 +238,11 @@ def _limited(log: Log, lag: int) -> NDArray[np.bool_]:
     return near
 
 
-def _phi_law(log: Log, readings: Mapping[str, str]) -> Law:
-    """As much of a law as ``phi`` reads."""
-    degrees = readings["gain_unit"] == "phi_in_degrees"
-    scale = DEGREES_PER_RADIAN if degrees else 1.0
-    blank: dict[str, Any] = dict.fromkeys(Law._fields)
-    return Law(**blank)._replace(
-        b=log.b,
-        Delta=np.radians(log.Delta) if readings["Delta_unit"] == "deg" else log.Delta,
-        phi_is_odd=readings["phi_negative"] == "odd",
-        power_inside=readings["phi_branch"] == "power",
-        power_floor=log.encoder_step * scale,
-        angle_scale=scale,
-    )
+@cache
+def _phi_law(log: Log, of_phi: tuple[tuple[str, str], ...]) -> Law:
+    """A law of the configuration that the log is compared with, under readings of ``phi``."""
+    config = under(Reading("", of_phi), log.expected, {})
+    return build_law(config, next(iter(config.control.laws)))
 
 
 def _low_pass(values: Array, newest: float) -> Array:

@@ -42,12 +42,10 @@ class Log:
         if both are known.
     S : array (n, n)
         Coupling matrix.
-    b, Delta : array (n,)
-        Of Eq. (12), as published.
+    expected
+        Configuration with the gains that the log is compared with, see `expected_of`.
     angle_rounding : array (n,)
         Rounding of the joint encoders that is left, rad.
-    encoder_step
-        rad; the slope of the power branch is held below it.
     """
 
     run: str
@@ -61,10 +59,8 @@ class Log:
     command: Array
     applied: Array | None
     S: Array
-    b: Array
-    Delta: Array
+    expected: CompareConfig
     angle_rounding: Array
-    encoder_step: float
 
 
 def expected_of(file: TraceFile, paper: CompareConfig) -> CompareConfig:
@@ -99,7 +95,6 @@ def _log_of(trace: Trace, L: float, torque: str, file: TraceFile, expected: Comp
     step = expected.manipulator.encoders.joint.resolution.si
     q, rounding = zip(*(without_rounding(column, step) for column in trace["q_encoder"].T), strict=True)
     S = file.plant.matrix("S", trace.joint) if "S" in file.plant.values else _coupling(expected, trace.joint)
-    gains = expected.control.gains
     return Log(
         run=trace.name,
         joints=trace.joint,
@@ -112,10 +107,8 @@ def _log_of(trace: Trace, L: float, torque: str, file: TraceFile, expected: Comp
         command=trace[torque],
         applied=trace["tau_m"] if torque == "tau_cmd" and "tau_m" in trace else None,
         S=S,
-        b=_of_joints(gains.b.si, expected, trace.joint),
-        Delta=_of_joints(gains.Delta.si, expected, trace.joint),
+        expected=expected,
         angle_rounding=np.array(rounding),
-        encoder_step=step,
     )
 
 
@@ -126,12 +119,6 @@ def _coupling(config: CompareConfig, joints: Sequence[int]) -> Array:
         if {joints[i], joints[j]} <= {*config.joints}:
             matrix[i, j] = S[config.joints.index(joints[i]), config.joints.index(joints[j])]
     return matrix
-
-
-def _of_joints(values: Array, config: CompareConfig, joints: Sequence[int]) -> Array:
-    """A gain by joint; NaN of a joint that the configuration does not move."""
-    known = dict(zip(config.joints, values, strict=True))
-    return np.array([known.get(joint, np.nan) for joint in joints])
 
 
 def liveliest(log: Log, samples: int) -> Log:

@@ -58,16 +58,20 @@ _WEIGHTS = {
 class RecoveredController:
     """What the log of one joint, by the paper's number, says.
 
-    ``fits`` has the best fit first, if any. ``torque_rounding``, N m, is the record's. ``expected`` has the
-    gains that it is compared with, see `expected_of`. They are the paper's if ``of_paper``.
+    ``fits`` has the best fit first, if any. ``torque_rounding``, N m, is the record's. The gains that it is
+    compared with are the paper's if ``of_paper``.
     """
 
     joint: int
     fits: list[Fit]
     log: Log
     torque_rounding: float
-    expected: CompareConfig
     of_paper: bool
+
+    @property
+    def expected(self) -> CompareConfig:
+        """Configuration with the gains that it is compared with."""
+        return self.log.expected
 
     @property
     def run(self) -> str:
@@ -312,15 +316,15 @@ def recover_controllers(
         raise UsageError(f"{whose} gives gains of joints {joints}, and no run has one of these", hint=hint)
     # A bar has a thread, and a process with threads cannot be copied: the work begins before it.
     of_paper = expected is loaded.config and not own
-    begun = start(partial(_of_joint, expected, of_paper), tasks)
+    begun = start(partial(_of_joint, of_paper), tasks)
     with talk.bar("fitting controllers", len(tasks)) as progress:
         return list(counted(begun, progress))
 
 
-def _of_joint(expected: CompareConfig, of_paper: bool, task: tuple[Log, int]) -> RecoveredController:
+def _of_joint(of_paper: bool, task: tuple[Log, int]) -> RecoveredController:
     """Read the controller off one joint of one run."""
     log, joint = task
     i = log.joints.index(joint)
     rounding = float(torque_rounding(log)[i])
     fits = ranked(log, i, (rounding, float(log.angle_rounding[i])))
-    return RecoveredController(joint, fits, log, rounding, expected, of_paper)
+    return RecoveredController(joint, fits, log, rounding, of_paper)
