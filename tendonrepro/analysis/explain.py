@@ -44,9 +44,6 @@ from tendonrepro.physics.linear_loop import (
 )
 from tendonrepro.results.paper import is_arm_of_paper
 
-PAIRS = ("c1_c2", "c2_c3")
-"""Pairs of the paper's laws, of which ``--json`` always has the ratios."""
-
 _LOWEST_HZ = 0.05
 _SLOWEST_HZ = 1e-3
 """Frequency from which the range of a ratio counts: what is slower is the ratio under a slow load."""

@@ -6,12 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from tendonrepro.analysis.explain import PAIRS, Change, Explanation, RunMargins, explain, view_pairs
+from tendonrepro.analysis.explain import Change, Explanation, RunMargins, explain, view_pairs
 from tendonrepro.analysis.margins import LOW_FREQUENCY, ChannelMargins
 from tendonrepro.configuration.load import LoadedConfig
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import View
 from tendonrepro.physics.control import TYPICAL_ERROR_DEG, estimate_age, stiffness
+from tendonrepro.results.summary import PAIRS
 from tendonrepro.results.tables import Table, TableColumns
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from tendonrepro.errors import UsageError
 from tendonrepro.studies.command import DATA, command
-from tendonrepro.studies.parameters import ARGUMENT, MEASURED, TALK, Overwrite, Telling, Word
+from tendonrepro.studies.parameters import ARGUMENT, MEASURED_FILE, TALK, Overwrite, Telling, Word
 from tendonrepro.studies.study import Answer
 
 __all__ = ["fetch", "ingest", "inspect"]
@@ -79,7 +79,7 @@ def inspect(
 def ingest(
     *paths: Measured,
     mapping: Mapping = MAPPING,
-    out: Path | str = MEASURED,
+    out: Path | str = MEASURED_FILE,
     confirm: bool = False,
     dry_run: bool = False,
     force: Overwrite = False,

@@ -19,7 +19,6 @@ from tendonrepro.dataset.tables import FEWEST, Column, Columns
 from tendonrepro.errors import ConfigError, DataMissingError
 from tendonrepro.physics.metrics import mean, status_of
 from tendonrepro.results.records import READ_OFF, Trace
-from tendonrepro.results.summary import MEASURED
 
 _ANGLES = "q_d", "q_encoder", "q_calculated"
 _FAR = 0.1
@@ -88,7 +87,7 @@ class Assembly:
             variables["q_calculated"] = variables["q_motor_encoder"] @ S[np.ix_(places, places)].T
             said = "q_calculated is S q_motor_encoder, S of the paper's arm; validate takes that of --config"
             self.notes.append(f"{name}: {said}")
-        attributes: dict[str, object] = {"law": MEASURED, "gains": {}, "readings": {}}
+        attributes: dict[str, object] = {"law": "measured", "gains": {}, "readings": {}}
         attributes |= {"payload_mass": run.payload_mass_kg, "reference_period": run.period_s or 0.0}
         attributes |= {f"{READ_OFF}{key}": error for key in variables if (error := run.reading_error(key))}
         attributes |= _status(time, variables, joints)

@@ -59,7 +59,7 @@ def _run(name: str, loops: Loops, _: Readings) -> Loop:
 
 def with_alpha(alpha: float, loops: Loops, readings: Readings) -> Loop:
     """Controller 1 with one alpha on all joints."""
-    law = law_of(loops[FIRST])
+    law = law_in(loops[FIRST])
     weights = estimator_weights(np.full_like(law.M_bar, alpha), readings.weights)
     return _with_law(loops[FIRST], law._replace(weights=weights))
 
@@ -68,7 +68,7 @@ def _with_law(loop: Loop, law: Law) -> Loop:
     return replace(loop, controller=TimeDelayController(law))
 
 
-def law_of(loop: Loop) -> Law:
+def law_in(loop: Loop) -> Law:
     """The law of a loop of the paper's own."""
     assert isinstance(loop.controller, TimeDelayController)
     return loop.controller.law
@@ -105,7 +105,7 @@ def _last_joint_alone(loops: Loops, _: Readings) -> Loop:
 
 def _same_slope(loops: Loops, _: Readings) -> Loop:
     """Controller 2 with η = β / γ₁ for a Delta of 0.2 rad, 1.548 as published, in degrees too."""
-    law = law_of(loops[SECOND])
+    law = law_in(loops[SECOND])
     gamma_1, _gamma_2 = polynomial(law.b, np.full_like(law.b, 0.2))
     eta = law.beta / gamma_1
     rate = eta if np.array_equal(law.rate_gain, law.eta) else law.rate_gain
@@ -113,7 +113,7 @@ def _same_slope(loops: Loops, _: Readings) -> Loop:
 
 
 def _with_inertia(factor: float, loops: Loops, _: Readings) -> Loop:
-    law = law_of(loops[FIRST])
+    law = law_in(loops[FIRST])
     return _with_law(loops[FIRST], law._replace(M_bar=factor * law.M_bar))
 
 
@@ -123,7 +123,7 @@ def _started_elsewhere(loops: Loops, _: Readings) -> Loop:
 
 
 def _other_encoders(loops: Loops, _: Readings) -> Loop:
-    law = law_of(loops[FIRST])
+    law = law_in(loops[FIRST])
     return _with_law(loops[FIRST], law._replace(motor_side=not law.motor_side))
 
 

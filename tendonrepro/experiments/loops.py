@@ -290,16 +290,16 @@ def run_loop(config: CompareConfig, name: str, reference: DesiredMotion, once: O
     run, arm, control = config.runs[name], config.manipulator, config.control
     # Sections that parts are built of, without those that the most readings change.
     moved = tuple(part for key, part in arm if key not in ("encoders", "actuator"))
-    plant_of = moved, config.posture, config.disturbance, config.seed, run.payload, run.friction_scale
-    law_of = (
+    plant_sections = moved, config.posture, config.disturbance, config.seed, run.payload, run.friction_scale
+    law_sections = (
         (control.gains, control.readings, control.filter_cutoff, control.laws[run.law]),
         (arm.routing, arm.winches, arm.encoders.joint, config.sampling_period),
     )
     loop = _loop(
         config,
-        once(rig.build_plant, plant_of, config, run.payload.si, friction_scale(run)),
+        once(rig.build_plant, plant_sections, config, run.payload.si, friction_scale(run)),
         once(rig.build_actuator, arm.actuator, config),
-        TimeDelayController(once(build_law, law_of, config, run.law)),
+        TimeDelayController(once(build_law, law_sections, config, run.law)),
         reference,
     )
     return replace(

@@ -21,7 +21,7 @@ from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments.loops import all_loops, slow_error_ratio
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.results.summary import CONTROLLERS
+from tendonrepro.results.summary import PAIRS
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.loop import Loop
 
@@ -34,9 +34,6 @@ _PERIOD, _STEP = "sampling_period", "solver.max_step"
 
 SweptValues: TypeAlias = Sequence[str] | Mapping[str, Sequence[object]]
 """Texts ``key=a,b,c`` as of the command line; or values by dotted key, as of Python."""
-
-PAIRS = {"c1_c2": CONTROLLERS[:2], "c2_c3": CONTROLLERS[1:]}
-"""Ratios by their keys, and the runs they compare."""
 
 IN_DEGREES = {"mae_deg": "mae", "rmse_deg": "rmse", "max_deg": "max_error", "overshoot_deg": "overshoot"}
 """Errors that are kept of each run, and the batch's names of them."""

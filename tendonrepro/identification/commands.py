@@ -56,7 +56,7 @@ def identify(
         Names of the parameters to search, comma-separated; else all.
     """
     from tendonrepro.configuration.ensemble import load_plants
-    from tendonrepro.identification.searches import identification
+    from tendonrepro.identification.study import identification
 
     return identification(
         load_plants(config, spread, ranges, overrides=set, seed=seed),

@@ -16,7 +16,7 @@ from tendonrepro.configuration.models.readings import Reading
 from tendonrepro.configuration.published import METRICS
 from tendonrepro.errors import DataMissingError
 from tendonrepro.identification.goal import Goal, Window
-from tendonrepro.identification.search import Evaluated
+from tendonrepro.identification.optimisers import Evaluated
 from tendonrepro.identification.space import Space
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.evaluate import Simulate, stub_of

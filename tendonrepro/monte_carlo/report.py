@@ -36,7 +36,7 @@ def population_summary(population: Population, data: EnsembleData) -> Json:
     draws = population.sample(seed, 0, 0, SOME)
     plants = [(population.configured(draw), population.asked_by_readings(draw)) for draw in draws]
     for reading in readings:
-        ratio = slow_ratio(plants, parse_reading(reading["name"]))
+        ratio = common_slow_ratio(plants, parse_reading(reading["name"]))
         reading["theory"] = dict(zip((f"joint_{joint}" for joint in joints), ratio.tolist(), strict=True))
     laws = {
         run: {status: share["count"] for status, share in shares.items()}
@@ -51,7 +51,7 @@ def population_summary(population: Population, data: EnsembleData) -> Json:
     return {**summary, "pairs": [*pair_rows(data)]} if data.around else summary
 
 
-def slow_ratio(plants: Sequence[tuple[CompareConfig, Draw]], reading: Reading) -> Array:
+def common_slow_ratio(plants: Sequence[tuple[CompareConfig, Draw]], reading: Reading) -> Array:
     """Ratio C1/C2 of slowly changing errors under a reading (n,), docs/theory.md.
 
     It is NaN where a drawn number enters, so that some plants, each with its draw, differ.

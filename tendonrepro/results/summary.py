@@ -20,14 +20,13 @@ from tendonrepro.simulation import streaming
 
 CONTROLLERS = (FIRST, SECOND, THIRD)
 """The compared runs, in the order in which the paper ranks them."""
+PAIRS = {"c1_c2": CONTROLLERS[:2], "c2_c3": CONTROLLERS[1:]}
+"""Ratios by their keys, and the runs whose errors they compare."""
 LOADS: Mapping[str, str] = {"no_load": FIRST, "with_load": LOADED}
 """The rows of Table 3 and their runs."""
 
 USER_LAW = "user law "
 """Begins a run's ``law`` where that is a user's."""
-
-MEASURED = "measured"
-"""Law of a run that was measured."""
 
 Sizes: TypeAlias = dict[str, Array]
 _Rates: TypeAlias = tuple[Array, Array]

@@ -21,7 +21,7 @@ class Word(NamedTuple):
 
 ARGUMENT = Word(positional=True)
 
-MEASURED = Path("data/measured.h5")
+MEASURED_FILE = Path("data/measured.h5")
 """Where measured traces lie, unless another file is named."""
 
 # Of a union the command line gives the first type that it can write.

@@ -130,7 +130,7 @@ def known_along(plant: Plant, along: DesiredMotion) -> tuple[Array, Array]:
 
 def loops_of(plants: TrialPlants, candidate: Candidate, runs: int = TUNED) -> list[Loop]:
     """Loops of the first so many runs; runs of one motion share what a law is given."""
-    law, command = _law_of(plants, candidate), candidate.law.command
+    law, command = _law_under(plants, candidate), candidate.law.command
     controller = TimeDelayController(law, command, on_lanes=command is not None)
     given = [plants.loops[0].reference, plants.loops[-1].reference]
     if candidate.condition == KNOWN:
@@ -144,7 +144,7 @@ def loops_of(plants: TrialPlants, candidate: Candidate, runs: int = TUNED) -> li
     ]
 
 
-def _law_of(plants: TrialPlants, candidate: Candidate) -> Law:
+def _law_under(plants: TrialPlants, candidate: Candidate) -> Law:
     law = candidate.given or candidate.law.law(plants.controllers[SECOND], candidate.gains, plants.alpha)
     weight, to_joint = 1.0, np.eye(plants.alpha.size)
     if candidate.condition == KNOWN:

@@ -29,7 +29,7 @@ from tendonrepro.results.store import read_manifest
 from tendonrepro.results.summary import CONTROLLERS, tracking_errors
 from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import TRACES, read_traces
-from tendonrepro.studies.parameters import MEASURED, Folder
+from tendonrepro.studies.parameters import MEASURED_FILE, Folder
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site, Study
 from tendonrepro.verdicts import ledger
@@ -312,7 +312,7 @@ def _sources(out: Path, measured: Path | None, talk: Talk) -> Sources:
         ensemble = drawn if drawn.of_paper else None
         if ensemble is None:
             talk.note(f"{out / ENSEMBLE}: not of the paper's arm, gains and payload; judging without it")
-    path, file = measured or (MEASURED if MEASURED.exists() else None), None
+    path, file = measured or (MEASURED_FILE if MEASURED_FILE.exists() else None), None
     if path is not None:
         file = read_measured(path)
         if not of_paper(file):

@@ -30,7 +30,7 @@ from tendonrepro.evidence.predict import (
     Prediction,
     experiments_on,
     gaps_between,
-    law_of,
+    law_in,
     never_told_apart,
     told_apart,
     with_alpha,
@@ -90,16 +90,16 @@ def test_what_is_changed_and_nothing_else() -> None:
     assert slow.reference.dq_d[::2] == pytest.approx(0.5 * first.reference.dq_d, abs=1e-5)
     assert not alone.reference.q_d[:, 0].any()
     assert (alone.reference.q_d[:, 1] == first.reference.q_d[:, 1]).all()
-    assert (doubled.L, law_of(doubled).L) == (0.002, 0.002)
+    assert (doubled.L, law_in(doubled).L) == (0.002, 0.002)
     for alpha in (0.2, 0.5):
-        assert law_of(changed(f"alpha_{alpha:g}")).weights == pytest.approx(
+        assert law_in(changed(f"alpha_{alpha:g}")).weights == pytest.approx(
             np.array([[1 - alpha] * 2, [alpha] * 2])
         )
-    flat = law_of(changed("same_slope"))
-    assert flat.eta * 1.1 * 0.2**-0.1 == pytest.approx(law_of(LOOPS[THIRD]).beta)
+    flat = law_in(changed("same_slope"))
+    assert flat.eta * 1.1 * 0.2**-0.1 == pytest.approx(law_in(LOOPS[THIRD]).beta)
     assert (flat.rate_gain == flat.eta).all()
-    assert law_of(changed("other_encoders")).motor_side
-    assert law_of(LOOPS[SECOND]).weights[1].tolist() == [0.0, 0.0]
+    assert law_in(changed("other_encoders")).motor_side
+    assert law_in(LOOPS[SECOND]).weights[1].tolist() == [0.0, 0.0]
 
 
 def test_a_repeat_shows_where_it_started_and_nothing_else() -> None:

@@ -11,7 +11,7 @@ from support.made_ensemble import DIVERGED, JOINTS, PLANTS, READINGS, box, ensem
 
 from tendonrepro.configuration.models.readings import parse_reading
 from tendonrepro.monte_carlo.figures import draw_ratios, ensemble_figures, ratio_axis, rows_figure
-from tendonrepro.monte_carlo.report import ensemble_tables, population_summary, slow_ratio
+from tendonrepro.monte_carlo.report import common_slow_ratio, ensemble_tables, population_summary
 from tendonrepro.monte_carlo.shares import printed_ratios
 from tendonrepro.results.figures.style import journal_style, open_figure, save_drawing
 
@@ -36,7 +36,7 @@ def test_theory_knows_what_makes_the_estimate_older(reading, joint_2):
     """Against the age that the law itself says, see tests/explain; of eight draws of the box."""
     draws = box().sample(1, 0, 0, 8)
     plants = [(box().configured(draw), box().named(draw)) for draw in draws]
-    assert slow_ratio(plants, parse_reading(reading))[0] == pytest.approx(joint_2, nan_ok=True)
+    assert common_slow_ratio(plants, parse_reading(reading))[0] == pytest.approx(joint_2, nan_ok=True)
 
 
 def test_the_table_has_the_numbers_of_the_summary(mixed, tmp_path):

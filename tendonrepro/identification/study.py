@@ -28,8 +28,8 @@ from tendonrepro.files import Json
 from tendonrepro.identification import report
 from tendonrepro.identification.goal import Goal, Target, Window, own_numbers, printed_numbers
 from tendonrepro.identification.misfit import Bench, Repeats, rounding_misfit
+from tendonrepro.identification.optimisers import SEARCHES, SearchPoints
 from tendonrepro.identification.report import SearchAnswer, nearest_search
-from tendonrepro.identification.search import SEARCHES, SearchPoints
 from tendonrepro.identification.space import space_of
 from tendonrepro.monte_carlo.kept import study_on_plants
 from tendonrepro.monte_carlo.plan import identity_of

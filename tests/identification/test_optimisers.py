@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.made_plants import Killed
 
-from tendonrepro.identification.search import SEARCHES, Evaluated, SearchPoints, cma_es, least_squares
+from tendonrepro.identification.optimisers import SEARCHES, Evaluated, SearchPoints, cma_es, least_squares
 
 ROWS = 6
 BUDGET = 600

@@ -19,7 +19,7 @@ from tendonrepro.configuration.models.readings import parse_reading
 from tendonrepro.console import QUIET
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_loops
-from tendonrepro.identification import searches
+from tendonrepro.identification import study as identify_study
 from tendonrepro.identification.goal import printed_numbers
 from tendonrepro.identification.misfit import Bench, Simulated, nearest_draws
 from tendonrepro.identification.space import PaperSpace
@@ -49,9 +49,9 @@ def identified(out, *, measure=cheap, paper=None, dry_run=False, force=False, jo
     with pytest.MonkeyPatch.context() as patch:
         if measure:
             patch.setattr(Bench, "measure", measure)
-        patch.setattr(searches, "simulate_batch", made_up)
+        patch.setattr(identify_study, "simulate_batch", made_up)
         asked = FULL | asked | {"jobs": jobs}
-        patch.setattr(searches, "published", lambda: paper or made_up_paper())
+        patch.setattr(identify_study, "published", lambda: paper or made_up_paper())
         study = COMMANDS["identify"].prepare(**asked, out=out, force=force)
         return carry_out(study, QUIET, dry_run=dry_run).data
 
@@ -234,7 +234,7 @@ def truth():
 
 @pytest.mark.slow
 def test_a_known_plant_fits_its_own_numbers_and_they_are_not_those_of_the_paper(truth, tmp_path, monkeypatch):
-    monkeypatch.setattr(searches, "published", lambda: paper_with(truth, decimals=6))
+    monkeypatch.setattr(identify_study, "published", lambda: paper_with(truth, decimals=6))
     effort = {"budget": 600}
     asked = {"readings": EXTRAPOLATING, "set": OVERRIDES, "out": tmp_path / "out"}
     found = tr.identify(**effort, **asked).data["readings"][0]
