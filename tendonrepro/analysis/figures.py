@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from tendonrepro import __version__
 from tendonrepro.analysis.explain import Explanation, view_pairs
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.shown import run_in_words
 from tendonrepro.results.figures.style import (
     COLUMN_MM,
     PAGE_MM,
@@ -179,6 +180,5 @@ def _sample(marker: str, label: str, colour: str = "#555555") -> Line2D:
 
 def _legend(figure: Figure, axes: Axes, extra: Sequence[Artist] = (), columns: int = 6) -> None:
     handles, names = axes.get_legend_handles_labels()
-    texts = [name.replace("_", " ").replace("controller", "Controller") for name in names]
-    texts += [str(artist.get_label()) for artist in extra]
+    texts = [*map(run_in_words, names), *(str(artist.get_label()) for artist in extra)]
     figure.legend([*handles, *extra], texts, loc="outside upper center", ncols=columns)

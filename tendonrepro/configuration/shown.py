@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from tendonrepro.configuration.models.control import unloaded_run
 from tendonrepro.configuration.models.readings import AXES, PRINTED
 
 BOTH = "weights=extrapolating+Delta_unit=deg"
@@ -108,6 +109,18 @@ def in_words(reading: str) -> str:
     if reading == PRINTED:
         return "as published"
     return ", ".join(SETTINGS.get(setting, setting) for setting in reading.split("+"))
+
+
+def run_in_words(run: str) -> str:
+    """What a reader calls a run.
+
+    Examples
+    --------
+    >>> run_in_words("controller_1_payload"), run_in_words("my_law")
+    ('Controller 1 with payload', 'My law')
+    """
+    words = (unloaded_run(run) or run).replace("_", " ").capitalize()
+    return f"{words} with payload" if unloaded_run(run) else words
 
 
 CHOICES = ("motion", "starts", "reference_acceleration", "run_friction")

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
+from tendonrepro.configuration.shown import run_in_words
 from tendonrepro.files import Json
 from tendonrepro.monte_carlo.figures import rows_figure
 from tendonrepro.results.figures.style import SERIES, Drawing
@@ -14,8 +15,7 @@ from tendonrepro.results.figures.style import SERIES, Drawing
 
 def draw_numbers(numbers: Sequence[Json], word: str, caption: str, origin: str) -> Drawing:
     """Every number over the printed or given one, of the best plant and of those that come near."""
-    runs = [row["run"].replace("controller_", "Controller ").replace("_", ", ") for row in numbers]
-    names = [f"{run}, {row['metric'].upper()} {row['joint']}" for run, row in zip(runs, numbers, strict=True)]
+    names = [f"{run_in_words(row['run'])}, {row['metric'].upper()} {row['joint']}" for row in numbers]
 
     def draw(axes: Sequence[Axes]) -> None:
         (panel,) = axes

@@ -15,6 +15,7 @@ from tendonrepro.configuration.models.experiment import CompareRun
 from tendonrepro.configuration.models.readings import AXES
 from tendonrepro.configuration.published import METRICS, published, row_of
 from tendonrepro.configuration.quantity import Moving, Physical, Quantity, Scalar, to_si
+from tendonrepro.configuration.shown import run_in_words
 from tendonrepro.experiments.loops import all_loops, friction_scale
 from tendonrepro.experiments.rig import start_angles
 from tendonrepro.reporting.live.controls import (
@@ -94,13 +95,13 @@ def _run_controls(config: CompareConfig) -> list[PageControl]:
     start, load = RUN
     for name, run in config.runs.items():
         own = start._replace(
-            label=start.label.format(_label(name)), help=START_HELP if len(controls) == 1 else ""
+            label=start.label.format(run_in_words(name)), help=START_HELP if len(controls) == 1 else ""
         )
         for k, joint in enumerate(config.joints):
             at = {"run": name, "place": 2 + k}
             controls.append(_control(config, own, k, f"joint {joint}", at, name))
         if run.payload.si > 0.0 or unloaded_run(name):
-            own = load._replace(label=load.label.format(_label(name)))
+            own = load._replace(label=load.label.format(run_in_words(name)))
             controls.append(_control(config, own, None, "", {"run": name, "place": 0}, name))
     return controls
 
@@ -186,12 +187,6 @@ def _choice(key: str, label: str, group: str, words: Mapping[str, str], value: s
     return {"id": key, "label": label, "group": group, **shown}
 
 
-def _label(run: str) -> str:
-    """What a run is called."""
-    words = (unloaded_run(run) or run).replace("_", " ").capitalize()
-    return f"{words} with payload" if unloaded_run(run) else words
-
-
 def _runs(config: CompareConfig, loops: Mapping[str, Loop], *, papers: bool) -> list[dict[str, object]]:
     """Runs with their steps a sample, by the rule of the batch, and the printed errors."""
     places = dict(enumerate(loops.values()))
@@ -207,7 +202,7 @@ def _runs(config: CompareConfig, loops: Mapping[str, Loop], *, papers: bool) -> 
         runs.append(
             {
                 "name": name,
-                "label": _label(name),
+                "label": run_in_words(name),
                 "short": name.removeprefix("controller_"),
                 "law": run.law,
                 "rr": _of_run(run, len(config.joints)),
