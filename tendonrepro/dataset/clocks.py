@@ -11,6 +11,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.dataset.mapping import RunMapping, Use
 from tendonrepro.dataset.tables import Columns
 from tendonrepro.errors import ConfigError
+from tendonrepro.results.records import median_step
 
 _GAP = 1.5
 """Steps beyond this many median ones are gaps."""
@@ -225,7 +226,7 @@ def read_off(series: Mapping[Use, tuple[Array, Array]]) -> tuple[Array, dict[Use
     start, end = max(float(time[0]) for time in times), min(float(time[-1]) for time in times)
     if end <= start:
         raise ConfigError("its curves have no time in common")
-    densest = min(float(np.median(np.diff(time))) for time in times)
+    densest = min(median_step(time) for time in times)
     count = max(int(np.ceil((end - start) / min(0.5 * densest, _FINEST))), 1)
     grid = np.linspace(start, end, count + 1)
     # Smoothed to the stated error, a motion would lose its corners to a careful reader.

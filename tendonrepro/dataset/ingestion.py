@@ -25,7 +25,14 @@ from tendonrepro.dataset.windows import Timing, spans
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import refuse_existing, write_atomically
 from tendonrepro.results.paper import with_what_they_are
-from tendonrepro.results.records import DECOUPLING_RUNS, PlantRecord, PlantValue, Trace, TraceFile
+from tendonrepro.results.records import (
+    DECOUPLING_RUNS,
+    PlantRecord,
+    PlantValue,
+    Trace,
+    TraceFile,
+    median_step,
+)
 from tendonrepro.results.store import environment
 from tendonrepro.results.summary import sizes_deg
 from tendonrepro.results.tables import Table
@@ -253,7 +260,7 @@ def _described(trace: Trace, start: float | None) -> dict[str, object]:
     described: dict[str, object] = {
         "joints": list(trace.joint),
         "samples": len(trace.time),
-        "step_s": float(np.median(np.diff(trace.time))),
+        "step_s": median_step(trace.time),
         "duration_s": float(trace.time[-1]),
         "payload_mass_kg": trace.attributes["payload_mass"],
         "status": trace.status,

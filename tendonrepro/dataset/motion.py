@@ -15,7 +15,7 @@ from tendonrepro.console import count_of
 from tendonrepro.dataset.windows import Timing
 from tendonrepro.errors import DataMissingError
 from tendonrepro.physics.trajectory import sampled
-from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.records import Trace, TraceFile, median_step
 from tendonrepro.results.summary import CONTROLLERS
 
 HALF_COUNT = float(np.deg2rad(0.011))
@@ -141,7 +141,7 @@ def recorded(trace: Trace, name: str = "q_d") -> RecordedMotion:
         message = f"run {trace.name!r} holds {count_of(len(time), 'sample')} of {name}, {FEWEST} are needed"
         raise DataMissingError(message)
     time = time - time[0]
-    step = float(np.median(np.diff(time)))
+    step = median_step(time)
     if time[-1] > 10.0 * step * len(time):
         message = f"run {trace.name!r} pauses: {count_of(len(time), 'sample')} of {name} in {time[-1]:.4g} s"
         raise DataMissingError(message, hint="cut pauses off with from_s and to_s in the mapping")

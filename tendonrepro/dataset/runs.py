@@ -18,7 +18,7 @@ from tendonrepro.dataset.read import Contents
 from tendonrepro.dataset.tables import FEWEST, Column, Columns
 from tendonrepro.errors import ConfigError, DataMissingError
 from tendonrepro.physics.metrics import mean, status_of
-from tendonrepro.results.records import READ_OFF, Trace
+from tendonrepro.results.records import READ_OFF, Trace, median_step
 
 _ANGLES = "q_d", "q_encoder", "q_calculated"
 _FAR = 0.1
@@ -222,7 +222,7 @@ def _taken(values: Column, rows: NDArray[np.bool_]) -> Column:
 
 def doubts_about(trace: Trace) -> Iterator[str]:
     """What makes a run implausible."""
-    step = float(np.median(np.diff(trace.time)))
+    step = median_step(trace.time)
     if not LOOP_STEPS[0] <= step <= LOOP_STEPS[1]:
         yield f"it has a sample every {step:.4g} s: check the unit of the time"
     angles = {name: values for name, values in trace.variables.items() if name in _ANGLES}

@@ -58,6 +58,11 @@ OF_MOTORS: Mapping[str, str] = {
 """Meaning of variables of a run whose law looks at the motors' encoders."""
 
 
+def median_step(time: Array) -> float:
+    """Usual time between samples, s; two are needed."""
+    return float(np.median(np.diff(time)))
+
+
 @dataclass(frozen=True, eq=False)
 class Trace:
     """One run.

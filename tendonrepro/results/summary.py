@@ -15,7 +15,7 @@ from tendonrepro.configuration.published import METRICS
 from tendonrepro.physics.metrics import START, mae, max_abs, rmse, windows, without_start
 from tendonrepro.physics.statics import slack_time, tendon_tension
 from tendonrepro.results.paper import of_paper
-from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.records import Trace, TraceFile, median_step
 from tendonrepro.simulation import streaming
 
 CONTROLLERS = (FIRST, SECOND, THIRD)
@@ -213,7 +213,7 @@ def statistics(trace: Trace, rates: _Rates | None = None) -> dict[str, Array]:
     """
     if rates is None and "dq_d" in trace and "ddq_d" in trace:
         rates = trace["dq_d"], trace["ddq_d"]
-    L = float(np.median(np.diff(trace.time))) if len(trace.time) > 1 else np.inf
+    L = median_step(trace.time) if len(trace.time) > 1 else np.inf
     phases = streaming.thresholds(*(rates or (np.zeros((1, 1)), np.zeros((1, 1)))), L)
     during, signals = {"": np.array(True)}, _signals(trace, phases)
     if rates is not None:

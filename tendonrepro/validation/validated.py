@@ -24,7 +24,7 @@ from tendonrepro.parallel import workers
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
 from tendonrepro.physics.metrics import mean, start_level
 from tendonrepro.results.paper import is_arm_of_paper, of_paper
-from tendonrepro.results.records import READ_OFF, PlantRecord, PlantValue, Trace, TraceFile
+from tendonrepro.results.records import READ_OFF, PlantRecord, PlantValue, Trace, TraceFile, median_step
 from tendonrepro.results.store import make_manifest
 from tendonrepro.results.summary import CONTROLLERS, LOADS, Sizes, decoupling_errors, sizes_deg
 from tendonrepro.results.tables import TableRows
@@ -48,7 +48,7 @@ def comparison_rows(measured: Trace, simulated: Trace, start: float = -np.inf) -
     joints = [joint for joint in measured.joint if joint in simulated.joint]
     ours, model = measured.of_joints(joints), simulated.of_joints(joints)
     edge = 1e-9 + 1e-6 * (model.time[1] - model.time[0])
-    first_time = max(model.time[0] - edge, start - 0.5 * float(np.median(np.diff(ours.time))))
+    first_time = max(model.time[0] - edge, start - 0.5 * median_step(ours.time))
     inside = (ours.time >= first_time) & (ours.time <= model.time[-1] + edge)
     time = ours.time[inside]
     both = [name for name in ("e", "q_encoder", "q_d", "q_calculated") if name in ours and name in model]
@@ -85,7 +85,7 @@ def start_rows(trace: Trace, begin: float) -> Iterator[dict[str, object]]:
     """
     if "e" not in trace:
         return
-    until = trace.time <= begin + 0.5 * float(np.median(np.diff(trace.time)))
+    until = trace.time <= begin + 0.5 * median_step(trace.time)
     for joint, errors in zip(trace.joint, trace["e"][until].T, strict=True):
         known = errors[np.isfinite(errors)]
         error = float(np.rad2deg(known[-1])) if known.size else None
@@ -302,7 +302,7 @@ def departure(trace: Trace, reference: Reference) -> float:
     inside = (time >= 0.0) & (time <= record.time[-1])
     q_d = ours["q_d"] - start_of(ours, "q_d", ours.joint)
     apart = float(np.nanmax(np.abs(q_d - record.at(time))[inside], initial=0.0))
-    late = max(record.step, float(np.median(np.diff(time))))
+    late = max(record.step, median_step(time))
     fastest = np.abs(np.diff(record.q, axis=0)).max() / record.step
     # Each of the two records has its own rounding and noise.
     return apart if apart > 2.0 * reference.knots.tolerance + late * fastest else 0.0

@@ -27,7 +27,7 @@ from tendonrepro.errors import DataMissingError, UsageError, did_you_mean
 from tendonrepro.experiments.loops import build_law
 from tendonrepro.physics.control import surface_and_feedback
 from tendonrepro.physics.metrics import STATUSES, mae, start_level
-from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.records import Trace, TraceFile, median_step
 from tendonrepro.results.summary import CONTROLLERS, statistics
 from tendonrepro.results.traces import read_traces
 from tendonrepro.verdicts.from_print import NUMBERS, PERCENTAGES, ErrorOf, cut, formula_of
@@ -142,7 +142,7 @@ class Measurement:
     def _check_alike(self, name: str) -> None:
         """Refuse to compare what was recorded differently."""
         if name == "torque_step_rms":
-            steps = [float(np.median(np.diff(self._trace(run).time))) for run in CONTROLLERS]
+            steps = [median_step(self._trace(run).time) for run in CONTROLLERS]
             if max(steps) > 1.01 * min(steps):
                 raise DataMissingError("runs sampled alike: steps of the torque cannot be compared otherwise")
         runs = self.compare.runs
@@ -185,7 +185,7 @@ def with_surface(trace: Trace) -> Trace:
 
 def _rate(time: Array, e: Array) -> Array:
     """Difference over `RATE_WINDOW`, or two longer steps, (T, n)."""
-    step = float(np.median(np.diff(time))) if len(time) > 1 else RATE_WINDOW
+    step = median_step(time) if len(time) > 1 else RATE_WINDOW
     half = max(0.5 * RATE_WINDOW, step)
     ends = [
         np.stack([np.interp(time + apart, time, column, np.nan, np.nan) for column in e.T], axis=1)
