@@ -35,13 +35,13 @@ def batch_of(joints, folder):
     """The runs as a function that gives the most steps a sample; their code is compiled already."""
 
     from tendonrepro.configuration.any_kind import init_arm
-    from tendonrepro.configuration.ensemble import load_around
+    from tendonrepro.configuration.ensemble import load_plants
     from tendonrepro.configuration.models.readings import parse_reading
     from tendonrepro.monte_carlo.population import population_of
     from tendonrepro.simulation.batch import simulate_batch
 
     init_arm(joints, folder / str(joints))
-    loaded = load_around(folder / str(joints) / "compare.yaml", SPREAD, None)
+    loaded = load_plants(folder / str(joints) / "compare.yaml", SPREAD, None)
     arm = population_of(loaded)
     cases = [(f"controller_{k}", parse_reading("printed")) for k in (1, 2, 3)]
     loops = [*chain.from_iterable(arm.loops(arm.sample(1, 0, 0, ARMS), cases))]

@@ -276,23 +276,14 @@ _DRAWING = {("hardware", "drawn"), ("motion", "ramp"), ("starts", "apart"), ("ru
 """Settings of readings whose numbers are rows of the box."""
 
 
-def load_around(
+def _around(
     source: ConfigLike,
-    spread: float | None = None,
-    ranges: Ranges = None,
-    *,
-    overrides: Overrides | None = None,
-    seed: int | None = None,
+    spread: float | None,
+    ranges: Ranges,
+    overrides: Overrides | None,
+    seed: int | None,
 ) -> LoadedEnsemble:
-    """Read a comparison, around whose arm plants are drawn; `seed` is of the draws.
-
-    Raises
-    ------
-    UsageError
-        For a spread or ranges that are none, or of what the arm has off.
-    ConfigError
-        If the comparison has not the three laws that are compared.
-    """
+    """Read a comparison, around whose arm plants are drawn."""
     if spread is not None and not 0.0 < spread <= MOST - 1.0:
         raise UsageError(f"must be above 0 and at most {MOST - 1.0:g}, found {spread:g}", where="--spread")
     own = ranges_of(ranges)
@@ -319,21 +310,23 @@ def load_plants(
     source: ConfigLike,
     spread: float | None = None,
     ranges: Ranges = None,
-    *,
     overrides: Overrides | None = None,
     seed: int | None = None,
 ) -> LoadedEnsemble:
-    """Read an ensemble as it is, or a comparison, around whose arm plants are drawn.
+    """Read an ensemble as it is, or a comparison, around whose arm plants are drawn; `seed` is of the draws.
 
     Raises
     ------
     UsageError
-        For a spread or ranges of an ensemble, which says itself how far its plants lie apart.
+        For a spread or ranges that are none, of what the arm has off, or of an ensemble, which says itself
+        how far its plants lie apart.
+    ConfigError
+        If the comparison has not the three laws that are compared.
     """
     text = find_source(source, "ensemble")
     tree = load(text.text, text.origin)
     if isinstance(tree, dict) and tree.get("experiment") == "compare":
-        return load_around(text, spread, ranges, overrides=overrides, seed=seed)
+        return _around(text, spread, ranges, overrides, seed)
     given = {"--spread": spread is not None, "--range": bool(ranges)}
     for option in (name for name, is_given in given.items() if is_given):
         message = "is for plants around an arm of your own"

@@ -5,16 +5,7 @@ from pathlib import Path
 from typing import Annotated, Unpack
 
 from tendonrepro.studies.command import DATA, MANY_ARMS, study
-from tendonrepro.studies.parameters import (
-    ARGUMENT,
-    Changes,
-    ConfigOption,
-    Destination,
-    Folder,
-    RangesOption,
-    Seed,
-    SpreadOption,
-)
+from tendonrepro.studies.parameters import ARGUMENT, Changes, ConfigOption, Destination, OnPlants, drawn_from
 from tendonrepro.studies.study import Study
 
 __all__ = ["predict", "recover"]
@@ -24,13 +15,8 @@ __all__ = ["predict", "recover"]
 def predict(
     draws: int = 256,
     *,
-    config: ConfigOption = None,
-    set: Changes = None,
-    seed: Seed = None,
     readings: str | None = None,
-    spread: SpreadOption = None,
-    ranges: RangesOption = None,
-    **folder: Unpack[Folder],
+    **asked: Unpack[OnPlants],
 ) -> Study:
     """What experiments on a bench would give, by interpretation.
 
@@ -50,7 +36,7 @@ def predict(
     from tendonrepro.monte_carlo.kept import study_on_plants
     from tendonrepro.monte_carlo.plan import identity_of
 
-    loaded = with_all_controllers(load_plants(config, spread, ranges, overrides=set, seed=seed))
+    loaded = with_all_controllers(load_plants(*drawn_from(asked)))
     names = readings or default_readings_on(loaded)
     chosen = asked_for(loaded, draws, names)
     study = study_on_plants(
@@ -58,7 +44,7 @@ def predict(
         loaded,
         identity_of(loaded, "evidence"),
         lambda site, kept: predict_result(loaded, draws, names, site.talk, kept),
-        folder,
+        asked,
         cost=predicted_cost(loaded, len(chosen), draws),
     )
     return replace(study, decided_by={"draws": draws, "readings": names})

@@ -4,16 +4,7 @@ from pathlib import Path
 from typing import Annotated, Literal, Unpack
 
 from tendonrepro.studies.command import MANY_ARMS, study
-from tendonrepro.studies.parameters import (
-    Changes,
-    ConfigOption,
-    Folder,
-    Jobs,
-    RangesOption,
-    Seed,
-    SpreadOption,
-    Word,
-)
+from tendonrepro.studies.parameters import Jobs, OnPlants, Word, drawn_from
 from tendonrepro.studies.study import Study
 
 __all__ = ["identify"]
@@ -28,13 +19,8 @@ def identify(
     window: Literal["whole", "late"] = "whole",
     budget: int = 1500,
     rows: str = "",
-    config: ConfigOption = None,
-    set: Changes = None,
-    seed: Seed = None,
-    spread: SpreadOption = None,
-    ranges: RangesOption = None,
     jobs: Jobs = -1,
-    **folder: Unpack[Folder],
+    **asked: Unpack[OnPlants],
 ) -> Study:
     """Plants closest to the published errors, or to your own.
 
@@ -59,7 +45,7 @@ def identify(
     from tendonrepro.identification.study import identification
 
     return identification(
-        load_plants(config, spread, ranges, overrides=set, seed=seed),
+        load_plants(*drawn_from(asked)),
         fit=fit,
         errors=None if errors is None else Path(errors),
         readings=readings,
@@ -67,5 +53,5 @@ def identify(
         budget=budget,
         rows=rows,
         jobs=jobs,
-        folder=folder,
+        folder=asked,
     )

@@ -3,17 +3,7 @@
 from typing import Annotated, Unpack
 
 from tendonrepro.studies.command import MANY_ARMS, study
-from tendonrepro.studies.parameters import (
-    Changes,
-    ConfigOption,
-    Folder,
-    Jobs,
-    Laws,
-    RangesOption,
-    Seed,
-    SpreadOption,
-    Word,
-)
+from tendonrepro.studies.parameters import Jobs, Laws, OnPlants, Word, drawn_from
 from tendonrepro.studies.study import Study
 
 __all__ = ["ensemble"]
@@ -23,16 +13,11 @@ __all__ = ["ensemble"]
 def ensemble(
     draws: int = 1024,
     *,
-    config: ConfigOption = None,
-    set: Changes = None,
-    seed: Seed = None,
     readings: str = "default",
-    spread: SpreadOption = None,
-    ranges: RangesOption = None,
     laws: Laws = None,
     jobs: Jobs = -1,
     dask: Annotated[str | None, Word(metavar="ADDRESS")] = None,
-    **folder: Unpack[Folder],
+    **asked: Unpack[OnPlants],
 ) -> Study:
     """Many plausible plants under many interpretations of the paper.
 
@@ -52,5 +37,6 @@ def ensemble(
     from tendonrepro.experiments.user_law import laws_of
     from tendonrepro.monte_carlo.ensemble import ensemble_study, load_study
 
-    ensemble = load_study(config, set, seed, readings, spread, ranges, laws_of(laws))
-    return ensemble_study(ensemble, draws, jobs=jobs, dask=dask, folder=folder)
+    config, spread, ranges, changes, seed = drawn_from(asked)
+    ensemble = load_study(config, changes, seed, readings, spread, ranges, laws_of(laws))
+    return ensemble_study(ensemble, draws, jobs=jobs, dask=dask, folder=asked)

@@ -26,7 +26,7 @@ from typing import (
 )
 
 from tendonrepro.console import Talk
-from tendonrepro.studies.parameters import FOLDER, Word
+from tendonrepro.studies.parameters import ON_PLANTS, Word
 from tendonrepro.studies.study import Answer, Study
 
 if TYPE_CHECKING:
@@ -207,7 +207,7 @@ def _are_texts(values: Sequence[object]) -> TypeGuard[Sequence[str]]:
 
 
 def signature_of(function: Callable[..., object]) -> inspect.Signature:
-    """Signature with evaluated annotations; keywords of a `Folder` or `Destination` stand for themselves."""
+    """Signature with evaluated annotations; keywords of a `Folder` and its like stand for themselves."""
     # What it returns may be a type that only a type checker sees.
     own = {name: text for name, text in function.__annotations__.items() if name != "return"}
     hints = get_type_hints(SimpleNamespace(__annotations__=own), function.__globals__, include_extras=True)
@@ -219,7 +219,7 @@ def signature_of(function: Callable[..., object]) -> inspect.Signature:
             shared = options.__annotations__
             parameters += [
                 inspect.Parameter(key, kind, default=default, annotation=shared[key])
-                for key, default in FOLDER.items()
+                for key, default in ON_PLANTS.items()
                 if key in shared
             ]
         else:

@@ -79,5 +79,22 @@ class Folder(Destination, total=False):
     figures: Drawn
 
 
+class OnPlants(Folder, total=False):
+    """Where a study draws many plants from, and where its results go."""
+
+    config: ConfigOption
+    set: Changes
+    seed: Seed
+    spread: SpreadOption
+    ranges: RangesOption
+
+
 FOLDER: Folder = {"out": None, "formats": None, "figures": True, "force": False}
+ON_PLANTS: OnPlants = {"config": None, "set": None, "seed": None, "spread": None, "ranges": None, **FOLDER}
 """What holds where nothing is said."""
+
+
+def drawn_from(asked: OnPlants) -> tuple[ConfigOption, SpreadOption, RangesOption, Changes, Seed]:
+    """What `load_plants` takes, in its order."""
+    config, changes = asked.get("config"), asked.get("set")
+    return config, asked.get("spread"), asked.get("ranges"), changes, asked.get("seed")

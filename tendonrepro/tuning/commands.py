@@ -3,16 +3,7 @@
 from typing import Unpack
 
 from tendonrepro.studies.command import MANY_ARMS, study
-from tendonrepro.studies.parameters import (
-    Changes,
-    ConfigOption,
-    Folder,
-    Jobs,
-    Laws,
-    RangesOption,
-    Seed,
-    SpreadOption,
-)
+from tendonrepro.studies.parameters import Jobs, Laws, OnPlants, drawn_from
 from tendonrepro.studies.study import Study
 
 __all__ = ["tune"]
@@ -27,14 +18,9 @@ def tune(
     population: int = 6,
     laws: Laws = None,
     any_plant: bool = False,
-    spread: SpreadOption = None,
-    ranges: RangesOption = None,
     only: str = "",
-    config: ConfigOption = None,
-    set: Changes = None,
-    seed: Seed = None,
     jobs: Jobs = -1,
-    **folder: Unpack[Folder],
+    **asked: Unpack[OnPlants],
 ) -> Study:
     """Controllers at their best: each one tuned, then compared.
 
@@ -64,8 +50,9 @@ def tune(
     from tendonrepro.tuning.search import TuningEffort
     from tendonrepro.tuning.tuning import tuning_study
 
+    config, spread, ranges, changes, seed = drawn_from(asked)
     return tuning_study(
-        load_plants(config, spread, ranges, overrides=set),
+        load_plants(config, spread, ranges, changes),
         laws_of(laws),
         plants,
         TuningEffort(searches, generations, population),
@@ -73,5 +60,5 @@ def tune(
         seed=seed or 0,
         jobs=jobs,
         only=only,
-        folder=folder,
+        folder=asked,
     )

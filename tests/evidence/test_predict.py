@@ -14,7 +14,7 @@ from support.command import answer
 
 import tendonrepro as tr
 from tendonrepro.configuration.any_kind import init_arm
-from tendonrepro.configuration.ensemble import load_around, load_ensemble
+from tendonrepro.configuration.ensemble import load_ensemble, load_plants
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.control import FIRST, RUNS, SECOND, THIRD
 from tendonrepro.configuration.models.experiment import CompareRun
@@ -268,7 +268,7 @@ def test_the_command_writes_its_tables_and_picture(tmp_path: Path, monkeypatch: 
 def test_on_an_arm_of_ones_own_it_names_its_joints(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     init_arm(1, tmp_path / "one")
     init_arm(4, tmp_path / "four")
-    loaded = [load_around(tmp_path / name / "compare.yaml", 0.2) for name in ("one", "four")]
+    loaded = [load_plants(tmp_path / name / "compare.yaml", 0.2) for name in ("one", "four")]
     one, four = ({held.name: held.about for held in experiments_on(each)} for each in loaded)
     assert "joint_3_alone" not in one
     assert "joint 4" in four["joint_3_alone"]
@@ -291,7 +291,7 @@ def test_on_an_arm_of_ones_own_it_names_its_joints(tmp_path: Path, monkeypatch: 
 
 def test_at_twice_the_period_an_arm_of_ones_own_follows_the_same_motion(tmp_path: Path) -> None:
     init_arm(1, tmp_path / "one")
-    loaded = load_around(tmp_path / "one" / "compare.yaml", 0.2)
+    loaded = load_plants(tmp_path / "one" / "compare.yaml", 0.2)
     arm = population_of(loaded)
     slower = Reading(DOUBLED_PERIOD, (("sampling_period", "2ms"),))
     cases = [(FIRST, parse_reading("printed")), (FIRST, slower)]

@@ -12,7 +12,7 @@ import pytest
 from support.fake_batch import fake_batch
 
 from tendonrepro.configuration.any_kind import init_arm
-from tendonrepro.configuration.ensemble import load_around
+from tendonrepro.configuration.ensemble import load_plants
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.console import QUIET
 from tendonrepro.errors import ConfigError, TendonreproError, UsageError
@@ -41,7 +41,7 @@ def compare(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def around(path: Path, spread: float | None) -> Population:
-    return population_of(load_around(path, spread))
+    return population_of(load_plants(path, spread))
 
 
 def draw(arm: Population, number: int) -> CompareConfig:
@@ -84,17 +84,17 @@ def test_the_same_number_is_the_same_plant(compare: Path) -> None:
     arm = around(compare, 0.5)
     assert draw(arm, 3) == draw(arm, 3)
     assert draw(arm, 3) != draw(arm, 4)
-    assert load_around(compare, 0.5).sha256 != load_around(compare, 0.4).sha256
+    assert load_plants(compare, 0.5).sha256 != load_plants(compare, 0.4).sha256
 
 
 @pytest.mark.parametrize("spread", [0.0, -0.1, 10.0, float("nan")])
 def test_a_spread_that_is_none(compare: Path, spread: float) -> None:
     with pytest.raises(UsageError):
-        load_around(compare, spread)
+        load_plants(compare, spread)
 
 
 def test_a_range_of_a_key_replaces_the_spread(compare: Path) -> None:
-    loaded = load_around(compare, 0.2, ["links.mass=0.5,3", "links.length=1", "winches.viscous=2"])
+    loaded = load_plants(compare, 0.2, ["links.mass=0.5,3", "links.length=1", "winches.viscous=2"])
     arm = population_of(loaded)
     ends = {factor.key: (factor.low, factor.high) for factor in arm.rows}
     assert ends["links.mass"] == (0.5, 3.0)
@@ -108,10 +108,10 @@ def test_a_range_of_a_key_replaces_the_spread(compare: Path) -> None:
         assert one.winches.viscous.si == pytest.approx(2.0 * own.winches.viscous.si)
     assert loaded.around is not None
     assert loaded.around.as_data()["ranges"]["links.mass"] == [0.5, 3.0]
-    given = load_around(
+    given = load_plants(
         compare, 0.2, {"links.mass": (0.5, 3), "links.length": (1, 1), "winches.viscous": (2, 2)}
     )
-    assert given.sha256 == loaded.sha256 != load_around(compare, 0.2).sha256
+    assert given.sha256 == loaded.sha256 != load_plants(compare, 0.2).sha256
 
 
 @pytest.mark.parametrize(
@@ -128,12 +128,12 @@ def test_a_range_of_a_key_replaces_the_spread(compare: Path) -> None:
 )
 def test_a_range_that_is_none(compare: Path, ranges: list[str]) -> None:
     with pytest.raises(UsageError):
-        load_around(compare, 0.2, ranges)
+        load_plants(compare, 0.2, ranges)
 
 
 def test_an_impossible_arm_is_told(compare: Path) -> None:
     """A loss of 0.4 at each pulley, times up to 3, is more than all of the tension."""
-    loaded = load_around(
+    loaded = load_plants(
         compare, None, {"friction.per_pulley": (2.9, 3)}, overrides=["manipulator.friction.per_pulley=0.4"]
     )
     with pytest.raises(ConfigError):

@@ -12,7 +12,7 @@ import pytest
 
 import tendonrepro as tr
 from tendonrepro.configuration.any_kind import init_arm
-from tendonrepro.configuration.ensemble import load_around
+from tendonrepro.configuration.ensemble import load_plants
 from tendonrepro.errors import UsageError
 from tendonrepro.physics import error_rate, time_delay_estimate
 from tendonrepro.simulation.loop import TimeDelayController
@@ -138,7 +138,7 @@ def test_untuned_controllers_are_those_of_the_comparison(tmp_path: Path) -> None
     """With its readings; ``errors_from`` is beyond the end of the motion of the tuning, not of its own."""
     init_arm(1, tmp_path)
     asked = ["control.readings.weights=extrapolating", "errors_from=3"]
-    loaded = load_around(tmp_path / "compare.yaml", overrides=asked)
+    loaded = load_plants(tmp_path / "compare.yaml", overrides=asked)
     plants = posed(loaded.compare)
     (loop,) = loops_of(plants, as_published(plants)["controller_1"], 1)
     assert isinstance(loop.controller, TimeDelayController)

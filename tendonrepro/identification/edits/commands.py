@@ -4,17 +4,7 @@ from pathlib import Path
 from typing import Annotated, Unpack
 
 from tendonrepro.studies.command import MANY_ARMS, study
-from tendonrepro.studies.parameters import (
-    Changes,
-    ConfigOption,
-    Folder,
-    Jobs,
-    Laws,
-    RangesOption,
-    Seed,
-    SpreadOption,
-    Word,
-)
+from tendonrepro.studies.parameters import Jobs, Laws, OnPlants, Word, drawn_from
 from tendonrepro.studies.study import Study
 
 __all__ = ["edits"]
@@ -26,13 +16,8 @@ def edits(
     *,
     laws: Laws = None,
     errors: Annotated[Path | str | None, Word(metavar="FILE")] = None,
-    config: ConfigOption = None,
-    set: Changes = None,
-    seed: Seed = None,
-    spread: SpreadOption = None,
-    ranges: RangesOption = None,
     jobs: Jobs = -1,
-    **folder: Unpack[Folder],
+    **asked: Unpack[OnPlants],
 ) -> Study:
     """Which small change of an equation explains a table of errors.
 
@@ -52,10 +37,10 @@ def edits(
     from tendonrepro.identification.edits.study import edits_study
 
     return edits_study(
-        load_plants(config, spread, ranges, overrides=set, seed=seed),
+        load_plants(*drawn_from(asked)),
         laws_of(laws),
         plants,
         None if errors is None else Path(errors),
         jobs=jobs,
-        folder=folder,
+        folder=asked,
     )
