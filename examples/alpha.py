@@ -9,20 +9,23 @@ import numpy as np
 import tendonrepro as tr
 
 ALPHA = "control.gains.alpha"
-WEIGHTS = "control.readings.weights"
+WEIGHTS = {"interpolating": "as published: 1 − α and α", "extrapolating": "other sign: 1 + α and −α"}
 
 if __name__ == "__main__":
-    values = np.linspace(0.0, 0.4, 3)
-    figure, axes = plt.subplots(layout="constrained")
-    for weights in ("interpolating", "extrapolating"):
+    plt.style.use("tendonrepro.results.figures.tendonrepro")
+    values = np.linspace(0.0, 0.4, 5)
+    figure, axes = plt.subplots(figsize=(3.35, 2.6), layout="constrained")  # a journal's column, inches
+    axes.axhline(1.0, color="#999999", linewidth=0.4)
+    for (weights, label), sign in zip(WEIGHTS.items(), (1.0, -1.0), strict=True):
         ratios = []
         for alpha in values:
-            changes = {ALPHA: alpha, WEIGHTS: weights, "reference.periods": 1}
+            changes = {ALPHA: alpha, "control.readings.weights": weights, "reference.periods": 1}
             runs = tr.compare(set=changes, controllers=[1, 2])
             first, second = (np.abs(runs[f"controller_{k}"]["e"]).mean("time") for k in (1, 2))
             ratios.append(float((first / second).sel(joint=2)))
-        axes.plot(values, ratios, "o-", label=weights)
-    axes.plot(values, 1.0 + values, "k:", label="1 + α, theory")
-    axes.set(xlabel="α", ylabel="MAE of Controller 1 over 2, joint 2")
-    axes.legend()
+        axes.plot(values, 1.0 + sign * values, ":", color="#777777", label="1 ± α" if sign > 0.0 else None)
+        axes.plot(values, ratios, "o" if sign > 0.0 else "s", markersize=4.0, label=label)
+    axes.set(xlabel="α", ylabel="MAE of joint 2\nover that of Controller 2")
+    axes.margins(x=0.04)
+    figure.legend(loc="outside upper center", ncols=1, title="weights of Eq. (15)")
     figure.savefig("alpha.png")

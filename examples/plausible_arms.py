@@ -14,6 +14,4 @@ if __name__ == "__main__":
     result = tr.ensemble(64, **around, set=short, out="plausible_arms", force=True)
     columns = ["run", "over", "joint", "arms", "ratio", "ratio_low", "ratio_high", "share_smaller"]
     print(result.tables["pairs"][columns].to_string(index=False))
-    figure = result.plot("pairs")
-    figure.set_figheight(3.0)
-    figure.savefig("plausible_arms.png", dpi=120)
+    result.plot("pairs").savefig("plausible_arms.png")
