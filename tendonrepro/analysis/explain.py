@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -20,6 +20,7 @@ from tendonrepro.analysis.margins import (
     disk_margin,
     response,
     tendon_factors,
+    with_tendons,
 )
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
@@ -373,4 +374,34 @@ def _changed(views: Mapping[str, View], postures: Array) -> Change:
             run: decay_rate(list(postures), view.plant, view.law, view.delay) for run, view in views.items()
         },
         "ratio": {pair: slow_ratio(a, b, TYPICAL_ERROR_DEG) for pair, a, b in view_pairs(views)},
+    }
+
+
+def steadied_by(loaded: LoadedConfig) -> dict[str, float | None]:
+    """Factor on each of two keys from which on all runs are stable.
+
+    Smaller gains and more damping of the tendons steady a loop. Powers of two up to 128 are tried, and None
+    says that none does.
+    """
+    config = loaded.config
+    assert isinstance(config, CompareConfig)
+    postures = list(stroke(build_reference(config.reference, config, loaded.folder).q_d))
+    views = run_views(config).values()
+
+    def first(changed: Callable[[View, float], View], factors: Sequence[float]) -> float | None:
+        for factor in factors:
+            now = [changed(view, factor) for view in views]
+            if all(decay_rate(postures, view.plant, view.law, view.delay) > 0.0 for view in now):
+                return factor
+        return None
+
+    powers = [2.0**k for k in range(1, 8)]
+    return {
+        "control.gains.M_bar": first(
+            lambda view, factor: view._replace(law=view.law._replace(M_bar=factor * view.law.M_bar)),
+            [1.0 / power for power in powers],
+        ),
+        "manipulator.tendons.damping_factor": first(
+            lambda view, factor: view._replace(plant=with_tendons(view.plant, 1.0, factor)), powers
+        ),
     }

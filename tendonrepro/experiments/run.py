@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -232,19 +231,12 @@ def experiment_study(experiment: Prepared, folder: Folder) -> Study:
     )
 
 
-def paper_experiments(
-    configs: Path | None, changes: Overrides | None, seed: int | None
-) -> dict[str, Prepared]:
-    """Both experiments of the paper, and the comparison fitted to its tables.
-
-    `configs` is a folder with ``decouple.yaml`` and ``compare.yaml``. The fitted plant runs only as it is
-    shipped.
-    """
+def paper_experiments(changes: Overrides | None, seed: int | None) -> dict[str, Prepared]:
+    """Both experiments of the paper, and the comparison fitted to its tables, which runs only as shipped."""
     names: tuple[ExperimentName, ...] = ("decouple", "compare")
-    files = {name: None if configs is None else str(configs / f"{name}.yaml") for name in names}
     experiments: dict[str, Prepared] = {
-        name: prepared(load_config(files[name], name, overrides=changes, seed=seed)) for name in names
+        name: prepared(load_config(None, name, overrides=changes, seed=seed)) for name in names
     }
-    if configs is None and not changes and seed is None:
+    if not changes and seed is None:
         experiments[CLOSEST] = prepared(load_config(CLOSEST, "compare"))
     return experiments

@@ -150,7 +150,8 @@ def ensemble_study(
         pieces = still_missing(planned, stores)
         ahead, resumed = study.cost(sum(len(piece.plants) for piece in pieces)), len(planned) - len(pieces)
         if resumed:
-            talk.note(f"{resumed} of {len(planned)} blocks are on disk already; left are {cost_text(ahead)}")
+            left = f"; left are {cost_text(ahead)}" if pieces else ""
+            talk.note(f"{resumed} of {len(planned)} blocks are on disk already{left}")
         stream = on_cluster(make, pieces, dask) if dask else as_ready(make, pieces, jobs)
         started = time.perf_counter()
         fill(stores, pieces, stream, talk)

@@ -4,8 +4,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tendonrepro.errors import UsageError
 from tendonrepro.studies.command import COMMANDS, ONE_ARM, command
-from tendonrepro.studies.parameters import TALK, Changes, Folder, Formats, Seed, Telling
+from tendonrepro.studies.parameters import TALK, Changes, ConfigOption, Folder, Formats, Seed, Telling
 from tendonrepro.studies.study import Answer
 
 if TYPE_CHECKING:
@@ -16,11 +17,12 @@ __all__ = ["reproduce"]
 
 @command(ONE_ARM, "tendonrepro reproduce --out reports")
 def reproduce(
-    out: Path | str = Path("reports"),
+    out: Path | str | None = None,
     *,
-    config: Path | str | None = None,
+    config: ConfigOption = None,
     set: Changes = None,
     seed: Seed = None,
+    tune: bool = False,
     formats: Formats = None,
     figures: bool = True,
     force: bool = False,
@@ -31,12 +33,17 @@ def reproduce(
 
     Beside them live.html runs the comparison in a browser.
 
+    With a comparison of your own arm it says whether that is stable and which controller errs less, and
+    whether that holds on arms around it.
+
     Parameters
     ----------
     out
-        Folder above the results.
+        Folder above the results [default: reports; of your own arm reports/own].
     config
-        Folder with decouple.yaml and compare.yaml.
+        Comparison of your own arm, or the folder of its compare.yaml and decouple.yaml.
+    tune
+        Then also tune both controllers on arms around yours.
     figures
         Draw no figures.
     force
@@ -50,11 +57,19 @@ def reproduce(
     from tendonrepro.reporting.live.page import MARK, PAGE, page_beside
     from tendonrepro.studies.lifecycle import carry_out_together, planned
 
-    above, folder = Path(out), Folder(formats=formats, figures=figures, force=force)
-    experiments = paper_experiments(None if config is None else Path(config), set, seed)
-    again = COMMANDS["reproduce"].words(
-        out, config=config, set=set, seed=seed, formats=formats, figures=figures
-    )
+    folder = Folder(formats=formats, figures=figures, force=force)
+    if config is not None:
+        from tendonrepro.reporting.own_arm import FOLDER, answer_own, own_plan, own_studies
+
+        above = FOLDER if out is None else Path(out)
+        own = own_studies(Path(config), above, tune=tune, set=set, seed=seed, **folder)
+        return own_plan(own, talk) if dry_run else answer_own(own, above, talk, force=force)
+    if tune:
+        hint = "name its comparison; tendonrepro tune does it on the paper's arm"
+        raise UsageError("is for an arm of your own", where="--tune", hint=hint)
+    above = Path("reports" if out is None else out)
+    experiments = paper_experiments(set, seed)
+    again = COMMANDS["reproduce"].words(out, set=set, seed=seed, formats=formats, figures=figures)
     studies = {
         name: replace(experiment_study(experiment, {**folder, "out": above / name}), again=again)
         for name, experiment in experiments.items()
@@ -71,8 +86,7 @@ def reproduce(
         talk,
     )
     answers = dict(zip(studies, together, strict=True))
-    is_own = config is not None or bool(set)
-    page = page_beside(path, experiments["compare"].loaded if is_own else None, talk, force=force)
+    page = page_beside(path, experiments["compare"].loaded if set else None, talk, force=force)
     data = {name: answer.data for name, answer in answers.items()}
     code = max(answer.exit_code for answer in answers.values())
     # Where a run diverged the tables say which, and when.
