@@ -130,11 +130,11 @@ def draw_orders(shown: Shown) -> Drawing:
         *zip(*entries, strict=True), loc="outside upper center", ncols=3, handlelength=1.4, columnspacing=1.2
     )
     caption = (
-        "How the three controllers rank by their tracking errors on the plants on which all three are "
-        "stable, the smallest error first. Each row is one way to understand the paper, or one change to it. "
-        "A place counts where it holds in mean absolute error (MAE) and root mean square error (RMSE) on "
-        "both joints. Where runs start apart, diamonds are where dark grey begins without the first two "
-        "seconds."
+        "How the three controllers rank by their tracking errors, the smallest first. Shares are of the "
+        "plants on which all three are stable. Each row is one way to understand the paper, or one change "
+        "to it. A place counts where it holds in mean absolute error (MAE) and root mean square error "
+        "(RMSE) on both joints. Where runs start apart, diamonds are where dark grey begins without the "
+        "first two seconds."
     )
     return Drawing("orders", figure, [panel], caption, origin=of_plants(shown))
 

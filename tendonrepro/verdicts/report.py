@@ -72,7 +72,7 @@ def table_text(verdicts: Sequence[Verdict], *, every: bool = False) -> str:
             rows.append(
                 [
                     f"  {claim_in_words(claim.id)}",
-                    _ours(claim),
+                    _ours(claim, short=True),
                     verdict,
                     _rate(claim),
                     f"{claim.id} (counts with {claim.repeats})" if claim.repeats else claim.id,
@@ -214,8 +214,9 @@ def _under(verdict: Verdict, value: float | None) -> str:
     """Our share or number under another choice."""
     if value is None:
         return NOTHING
-    is_share = verdict.unit == SHARE
-    return f"holds on {percent(value)}" if is_share else f"{value:.4g}{unit_of(verdict)}"
+    if verdict.unit != SHARE:
+        return f"{value:.4g}{unit_of(verdict)}"
+    return f"holds on {percent(value) if value else 'none'}"
 
 
 def _opposite(verdict: Verdict, share: float | None) -> str:
@@ -224,13 +225,14 @@ def _opposite(verdict: Verdict, share: float | None) -> str:
     return f", reverse {percent(share)}" if is_order and share is not None else ""
 
 
-def _ours(verdict: Verdict) -> str:
-    """What came out here, and what is printed."""
+def _ours(verdict: Verdict, *, short: bool = False) -> str:
+    """What came out here, and what is printed; a share alone where it is to be `short`."""
     if verdict.ours is None:
         return NOTHING
     if verdict.unit == SHARE:
         opposite = verdict.evidence.get("opposite", {}).get("share")
-        return _under(verdict, verdict.ours) + _opposite(verdict, opposite)
+        share = _under(verdict, verdict.ours) if short else ours(verdict)
+        return share + _opposite(verdict, opposite)
     return f"{ours(verdict)}, printed {verdict.printed}{unit_of(verdict)}"
 
 

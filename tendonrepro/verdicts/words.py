@@ -109,14 +109,25 @@ def ours(judged: Verdict) -> str:
     if evidence.get("missing"):
         return statement_in_words(f"missing: {evidence['missing']}")
     if judged.unit == SHARE and value is not None:
-        favoured = ", by the measure that favours it most" if len(evidence.get("by_measure", ())) > 1 else ""
-        return f"holds on {percent(value)} of {evidence['plants']:,} plants{favoured}"
+        return statement_in_words(_share_in_words(evidence, value))
     if box := evidence.get("box"):
         low, high = (f"{box[key]:.3g}".replace("-", "−") for key in ("low", "high"))
         return f"median {box['median']:.3g}{unit}, central 90 % {low} to {high}{unit}"
     if value is None:
         return "yes" if judged.verdict in {"exact", "reproduced"} else "–"
     return f"{value:.4g}{unit}"
+
+
+def _share_in_words(evidence: Mapping[str, Any], share: float) -> str:
+    """Say on how many plants a claim holds, by each measure; of none the most that it can be."""
+    plants = f"of {evidence['plants']:,} plants"
+    measured = evidence.get("by_measure", ())
+    if len(measured) > 1:
+        first, *others = (f"{percent(row['share'])} {{}}by {row['measure']}" for row in measured)
+        return ", ".join([f"holds on {first.format(plants + ' ')}", *(other.format("") for other in others)])
+    if share == 0.0:
+        return f"holds on none {plants}, at most {percent(evidence['interval'][1])}"
+    return f"holds on {percent(share)} {plants}"
 
 
 def unless(judged: Verdict) -> str:
