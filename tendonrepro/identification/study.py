@@ -51,8 +51,12 @@ SCHEMA_VERSION = 4
 SECONDS_PER_EXPERIMENT = 1e-2
 """For estimates before a search. Measured: 7 to 10 ms; larger batches are faster."""
 
-TRIED, REPEATS = ((24, 3), (6, 15)), 64
-"""Of the nearest points so many are repeated so often; then the one whose median is smallest, once more."""
+TRIED, AGAIN, REPEATS = (24, 3), (6, 15), 64
+"""So many of the nearest points are repeated so often, then so many of the next.
+
+It ends where no misfit that was seen is below the best median, or with as many evaluations as the search had.
+Of the best by median so many are repeated more often, and the best of these once more.
+"""
 
 NEAR = 0.02
 """Misfit in log ratio, about 2 %, up to which a plant fits; near is up to twice the best misfit."""
@@ -78,8 +82,8 @@ class IdentificationTask:
     @property
     def evaluations(self) -> int:
         """Points of one reading at most, repeats among them."""
-        repeats = sum(points * count for points, count in TRIED) + REPEATS
-        return self.draws + len(SEARCHES) * (self.budget + repeats)
+        points, count = AGAIN
+        return self.draws + len(SEARCHES) * (2 * self.budget + points * count + REPEATS)
 
     @property
     def fitted(self) -> tuple[str, ...]:
@@ -365,18 +369,25 @@ def _repeated(
     """Repeat the nearest points of a search: one that came near by luck does so once."""
     points, misfits = (np.concatenate(parts) for parts in zip(*seen, strict=True))
     points, first = np.unique(points, axis=0, return_index=True)
-    points = points[np.argsort(misfits[first], kind="stable")]
-    goal, medians = task.goal.sought, np.empty(0)
-    for stage, (most, count) in enumerate(TRIED):
-        medians = bench.repeated(
-            bench.box.values(points[:most]), case, goal, count, [task.seed, stage]
-        ).median
-        order = np.argsort(medians, kind="stable")
-        points, medians = points[order], medians[order]
-        told(most * count)
-    repeats = bench.repeated(bench.box.values(points[:1]), case, goal, REPEATS, [task.seed, len(TRIED)])
-    told(REPEATS)
-    return _Found(name, float(misfits.min()), points, medians, repeats)
+    order = np.argsort(misfits[first], kind="stable")
+    points, misfits = points[order], misfits[first][order]
+
+    def repeated(nearest: Array, count: int, stage: int) -> Repeats:
+        told(len(nearest) * count)
+        return bench.repeated(bench.box.values(nearest), case, task.goal.sought, count, [task.seed, stage])
+
+    (at_once, count), most = TRIED, min(len(points), max(task.budget // TRIED[1], 1))
+    medians = np.empty(0)
+    while medians.size < most and not np.any(medians <= misfits[medians.size]):
+        nearest = points[medians.size : min(medians.size + at_once, most)]
+        medians = np.append(medians, repeated(nearest, count, medians.size).median)
+    told(task.budget - medians.size * count)
+    points = points[np.argsort(medians, kind="stable")[: AGAIN[0]]]
+    medians = repeated(points, AGAIN[1], len(misfits)).median
+    order = np.argsort(medians, kind="stable")
+    points, medians = points[order], medians[order]
+    repeats = repeated(points[:1], REPEATS, len(misfits) + 1)
+    return _Found(name, float(misfits[0]), points, medians, repeats)
 
 
 def _named_rows(text: str, box: Population) -> tuple[str, ...]:
