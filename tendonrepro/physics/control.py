@@ -302,8 +302,7 @@ def phi(e: Any, law: Law, i: int) -> Any:
     outer = sig(x, law.b[i])
     gamma_1, gamma_2 = polynomial(law.b[i], law.Delta[i])
     inner = gamma_1 * x + gamma_2 * (x * choose(law.phi_is_odd, abs(x), x))
-    printed = choose(abs(x) >= law.Delta[i], outer, inner)
-    return choose(law.power_inside, outer, printed) / law.angle_scale
+    return _of_branch(x, outer, inner, law, i) / law.angle_scale
 
 
 def phi_slope(e: Any, law: Law, i: int) -> Any:
@@ -315,6 +314,11 @@ def phi_slope(e: Any, law: Law, i: int) -> Any:
     outer = law.b[i] * np.maximum(abs(x), law.power_floor) ** (law.b[i] - 1.0)
     gamma_1, gamma_2 = polynomial(law.b[i], law.Delta[i])
     inner = gamma_1 + 2.0 * gamma_2 * choose(law.phi_is_odd, abs(x), x)
+    return _of_branch(x, outer, inner, law, i)
+
+
+def _of_branch(x: Any, outer: Any, inner: Any, law: Law, i: int) -> Any:
+    """Power or polynomial of Eq. (12), or their slopes, whichever acts."""
     printed = choose(abs(x) >= law.Delta[i], outer, inner)
     return choose(law.power_inside, outer, printed)
 

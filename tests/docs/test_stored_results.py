@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import gmean
 from support.pages import DOCS, NEEDS_DOCS, stored
 
-from tendonrepro.configuration.ensemble import load_ensemble
+from tendonrepro.configuration.ensemble import load_ensemble, load_plants
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import PRINTED, default_readings, parse_reading
 from tendonrepro.configuration.published import published
@@ -27,6 +28,10 @@ from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.reporting.readings import read_shown
 from tendonrepro.simulation.batch import simulate_batch
+from tendonrepro.tuning.bench import ALL_RUNS, PUBLISHED, as_published, measure, usable
+from tendonrepro.tuning.laws import LAWS
+from tendonrepro.tuning.report import law_rows
+from tendonrepro.tuning.search import TuningEffort, TuningTask
 from tendonrepro.verdicts.judge import Sources, judge_all
 
 pytestmark = NEEDS_DOCS
@@ -159,3 +164,33 @@ def test_rates_follow_from_the_stored_errors(monkeypatch: pytest.MonkeyPatch) ->
     for row in rows:
         made = module.outcomes(module.stored_errors(), "printed", row["noise"])
         assert {name: row[name] for name in made} == importlib.import_module("stored_results").rounded(made)
+
+
+@pytest.mark.slow
+def test_published_laws_give_on_the_plants_of_the_tuning_what_is_stored() -> None:
+    """Without any search: which plants were tuned on, and how Controllers 1 to 3 err there."""
+    tuned = stored("tune")
+    task = TuningTask(load_plants(None), LAWS, TuningEffort(**tuned["effort"]), tuned["seed"])
+    every = map(task.draw, range(tuned["draws_looked_at"]))
+    chosen = [plants for plants in every if usable(plants)]
+    assert len(chosen) == tuned["plants"]
+    rows = [
+        {"law": name, "condition": PUBLISHED, "alone": False, "cap": "published"}
+        | {
+            "stable": stable[:-1].all(),
+            "mae": mae[:2],
+            "error": gmean(mae[:2], axis=None),
+            "roughness": rough,
+        }
+        for plants in chosen
+        for candidates in [as_published(plants)]
+        for name, mae, rough, stable in zip(
+            candidates, *measure(plants, [*candidates.values()], ALL_RUNS), strict=True
+        )
+    ]
+    key = ("law", "condition", "alone", "cap", "alpha")
+    before = {tuple(row[name] for name in key): row for row in tuned["laws"]}
+    for row in law_rows(rows, tuned["joints"]):
+        names = row.keys() - {*key}
+        numbers = {name: before[tuple(row[name] for name in key)][name] for name in names}
+        assert {name: row[name] for name in names} == pytest.approx(numbers, rel=1e-3)

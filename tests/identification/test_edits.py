@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ import pytest
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import load_plants
 from tendonrepro.configuration.load import load_config
+from tendonrepro.configuration.models.control import Readings
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.readings import parse_reading, under
 from tendonrepro.console import Talk
@@ -100,6 +102,26 @@ READINGS = {
     "reference_acceleration=absent": "everywhere: q̈_d left out",
 }
 """Readings that change an equation, and the edits that they are."""
+
+NO_EDITS = {
+    "torque_coordinates": "turns the torque of all joints together",
+    "torque_unit": "is the unit of all torques",
+    "stored_torque": "is of what the loop remembers",
+    "estimate_filter": "adds a filter, which is several operations",
+    "feedback": "is of encoders",
+    "reference_acceleration=late": "is of the motion that is fed",
+    "start": "is of the first samples",
+    "error_rate": "is of how ė is measured, which no equation says",
+}
+"""Readings that are no edit of one place, or the one value that is none, and what they are instead."""
+
+
+def test_every_reading_is_an_edit_or_says_why_not() -> None:
+    axes = {name: get_args(field.annotation)[1:] for name, field in Readings.model_fields.items()}
+    settings = {f"{name}={value}" for name, values in axes.items() for value in values}
+    others = {setting for setting in settings if {setting, setting.partition("=")[0]} & NO_EDITS.keys()}
+    assert settings - others == READINGS.keys()
+    assert len({name for name in NO_EDITS if any(each.startswith(name) for each in others)}) == len(NO_EDITS)
 
 
 @pytest.mark.parametrize("reading", READINGS)
