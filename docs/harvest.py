@@ -30,7 +30,8 @@ from tendonrepro.monte_carlo.data import EnsembleData, read_ensemble
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.verdicts.planted import MOST_PLANTS, stable_errors
 from tendonrepro.simulation.batch import simulate_batch
-from tendonrepro.reporting.readings import COLUMNS, head_of, rows_of
+from tendonrepro.monte_carlo.report import COLUMNS, rows_of
+from tendonrepro.reporting.readings import head_of
 from tendonrepro.tuning.bench import PUBLISHED
 
 CLOSEST = DOCS.parent / "configs" / "closest.yaml"

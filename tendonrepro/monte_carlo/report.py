@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import reduce
 from itertools import combinations, product
+from operator import getitem
+from typing import Any
 
 import numpy as np
 
@@ -16,14 +19,53 @@ from tendonrepro.experiments.loops import slow_error_ratio
 from tendonrepro.files import Json
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.population import Population
-from tendonrepro.monte_carlo.shares import RATIOS, quantiles_of, reading_summary, share_of
+from tendonrepro.monte_carlo.shares import quantiles_of, reading_summary, share_of
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.results.summary import CONTROLLERS
+from tendonrepro.results.summary import CONTROLLERS, PAIRS
 from tendonrepro.results.tables import Table, TableRows
 
 _FORMS = {"ratio": ".3g", "ratio_low": ".3g", "ratio_high": ".3g"} | dict.fromkeys(
     ("share_smaller", "share_low", "share_high", *STATUSES), ".0%"
 )
+
+_BOTH = "all_ok.mae_and_rmse.both"
+_RANKINGS = {
+    "order": "share_c1_lt_c2_lt_c3",
+    "first": "share_c1_best",
+    "last": "share_c1_worst",
+    "reverse": "share_c3_lt_c2_lt_c1",
+    "tie": "share_c2_ties_c3",
+}
+_RATIOS = {
+    **{f"{name}_joint_{joint}": f"ratio_{name}.all_ok.mae.joint_{joint}"
+       for name in ("c1_c2", "c2_c3") for joint in (2, 3)},
+    "joint_3_over_2": "joint_3_over_2.controller_1.mae",
+    "growth": "rmse_over_mae_growth.joint_2",
+}  # fmt: skip
+COLUMNS = {
+    "plants": f"share_c1_best.{_BOTH}.plants",
+    **{column: f"{key}.{_BOTH}.share" for column, key in _RANKINGS.items()},
+    "behind": "share_c2_lt_c1.all_ok.mae.joint_2.share",
+    "late": f"without_start.share_c1_worst.{_BOTH}.share",
+    "smooth": "share_c1_smoother.share",
+    "rises": "share_rmse_over_mae_rises.both.share",
+    "plants_diverged_last": "share_c1_best.diverged_last.mae_and_rmse.both.plants",
+    **{f"{column}_diverged_last": f"{_RANKINGS[column]}.diverged_last.mae_and_rmse.both.share"
+       for column in ("order", "first", "last")},
+    **{f"{column}_{quantile}": f"{key}.{quantile}.value"
+       for column, key in _RATIOS.items() for quantile in ("q05", "median", "q95")},
+    **{f"stable_{run}": f"status.{run}.ok.share" for run in CONTROLLERS},
+}  # fmt: skip
+"""Columns, and where each number stands among those of a reading in ``summary.json``.
+
+Shares are of the plants on which all three controllers are stable. A place counts where it holds in MAE and
+RMSE on both joints: `order` is the published one, `first` and `last` are Controller 1's, `late` is `last`
+without the first two seconds. `behind` is Controller 1 behind 2 in the MAE of joint 2, `smooth` its torque
+the smoothest, and `rises` RMSE over MAE from Controller 1 to 3.
+"""
+
+_NO_SHARES = (*_RATIOS, "distance")
+"""How columns begin that are no shares."""
 
 SOME = 8
 """Draws by which it shows whether a drawn number enters the ratio of slow errors."""
@@ -60,30 +102,21 @@ def common_slow_ratio(plants: Sequence[tuple[CompareConfig, Draw]], reading: Rea
     return np.where(np.isclose(ratios, ratios[0]).all(axis=0), ratios[0], np.nan)
 
 
-def reading_row(reading: Json, joints: Sequence[int]) -> dict[str, object]:
-    """A reading's row: shares, and medians."""
-    ordered, agreement = reading["share_c1_lt_c2_lt_c3"], reading["agreement"]
-    order = ordered["all_ok"]["mae"]["both"]
-    return {
-        "reading": reading["name"],
-        "plants": order["plants"],
-        **{f"ok_{run}": reading["status"][run]["ok"]["share"] for run in CONTROLLERS},
-        "order_mae": order["share"],
-        "order_mae_low": order["low"],
-        "order_mae_high": order["high"],
-        "order_rmse": ordered["all_ok"]["rmse"]["both"]["share"],
-        "order_mae_diverged_last": ordered["diverged_last"]["mae"]["both"]["share"],
-        "reverse_mae": reading["share_c3_lt_c2_lt_c1"]["all_ok"]["mae"]["both"]["share"],
-        "c1_best_mae": reading["share_c1_best"]["all_ok"]["mae"]["both"]["share"],
-        "rmse_over_mae_rises": reading["share_rmse_over_mae_rises"]["both"]["share"],
-        **{
-            f"{key}_joint_{joint}": reading[key]["all_ok"]["mae"][f"joint_{joint}"]["median"]["value"]
-            for key, joint in product(RATIOS, joints)
-        },
-        "distance": reading["distance"]["median"]["value"],
-        "printed_ratios_inside": len(agreement["inside"]),
-        "verdict": agreement["verdict"],
-    }
+def rows_of(summary: Json) -> Iterator[dict[str, object]]:
+    """Yield the rows of ``readings.csv``; a KeyError for a summary of an older version."""
+    for population, held in summary["populations"].items():
+        for reading in held["readings"]:
+            yield {"population": population, "reading": reading["name"], **_numbers_of(reading)}
+
+
+def _numbers_of(reading: Json) -> dict[str, float | None]:
+    """Numbers of a reading by `COLUMNS`."""
+    return {column: _at(reading, path) for column, path in COLUMNS.items()}
+
+
+def _at(reading: Json, path: str) -> Any:
+    """What stands at a dotted path."""
+    return reduce(getitem, path.split("."), reading)
 
 
 def ensemble_tables(summary: Json) -> Iterator[Table | str]:
@@ -98,14 +131,27 @@ def ensemble_tables(summary: Json) -> Iterator[Table | str]:
             "over plants on which all three laws are ok. Their ranges, and other intervals, are in "
             "summary.json."
         )
-        joints = population["joints"]
-        rows = [reading_row(reading, joints) for reading in population["readings"]]
+        rows = [_with_verdict(reading) for reading in population["readings"]]
         headings = {key: key.replace("_", " ").replace("controller ", "C") for key in rows[0]}
-        forms = {key: ".3f" if key.startswith(("ratio", "distance")) else ".1%" for key in rows[0]}
+        forms = {key: ".3f" if key.startswith(_NO_SHARES) else ".1%" for key in rows[0]}
         columns = {key: (heading, forms[key]) for key, heading in headings.items()}
-        shown = ["reading", *(f"ok_{run}" for run in CONTROLLERS), "order_mae", "c1_best_mae"]
-        shown += [*(f"{key}_joint_{joints[0]}" for key in RATIOS), "verdict"]
+        shown = ["reading", *(f"stable_{run}" for run in CONTROLLERS), "order", "first"]
+        shown += [*(f"{pair}_joint_2_median" for pair in PAIRS), "verdict"]
         yield Table(f"readings_{name}", caption, rows, columns, shown if place == 0 else (), ("csv", "md"))
+
+
+def _with_verdict(reading: Json) -> dict[str, object]:
+    """A reading's row, with the interval of the order, and what agrees with the print."""
+    order = _at(reading, f"{_RANKINGS['order']}.{_BOTH}")
+    return {
+        "reading": reading["name"],
+        **_numbers_of(reading),
+        "order_low": order["low"],
+        "order_high": order["high"],
+        "distance": reading["distance"]["median"]["value"],
+        "printed_ratios_inside": len(reading["agreement"]["inside"]),
+        "verdict": reading["agreement"]["verdict"],
+    }
 
 
 def pairs_of(data: EnsembleData) -> list[tuple[str, str]]:

@@ -7,53 +7,15 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterable, Iterator, Mapping
-from functools import reduce
-from operator import getitem
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 from tendonrepro.files import Json, read_json
-from tendonrepro.results.summary import CONTROLLERS
+from tendonrepro.monte_carlo.report import COLUMNS, rows_of
 
 Row: TypeAlias = dict[str, float]
 """Numbers of one interpretation, by the columns of `COLUMNS`; NaN where there are no plants."""
-
-_BOTH = "all_ok.mae_and_rmse.both"
-_RANKINGS = {
-    "order": "share_c1_lt_c2_lt_c3",
-    "first": "share_c1_best",
-    "last": "share_c1_worst",
-    "reverse": "share_c3_lt_c2_lt_c1",
-    "tie": "share_c2_ties_c3",
-}
-_RATIOS = {
-    **{f"{name}_joint_{joint}": f"ratio_{name}.all_ok.mae.joint_{joint}"
-       for name in ("c1_c2", "c2_c3") for joint in (2, 3)},
-    "joint_3_over_2": "joint_3_over_2.controller_1.mae",
-    "growth": "rmse_over_mae_growth.joint_2",
-}  # fmt: skip
-COLUMNS = {
-    "plants": f"share_c1_best.{_BOTH}.plants",
-    **{column: f"{key}.{_BOTH}.share" for column, key in _RANKINGS.items()},
-    "behind": "share_c2_lt_c1.all_ok.mae.joint_2.share",
-    "late": f"without_start.share_c1_worst.{_BOTH}.share",
-    "smooth": "share_c1_smoother.share",
-    "rises": "share_rmse_over_mae_rises.both.share",
-    "plants_diverged_last": "share_c1_best.diverged_last.mae_and_rmse.both.plants",
-    **{f"{column}_diverged_last": f"{_RANKINGS[column]}.diverged_last.mae_and_rmse.both.share"
-       for column in ("order", "first", "last")},
-    **{f"{column}_{quantile}": f"{key}.{quantile}.value"
-       for column, key in _RATIOS.items() for quantile in ("q05", "median", "q95")},
-    **{f"stable_{run}": f"status.{run}.ok.share" for run in CONTROLLERS},
-}  # fmt: skip
-"""Columns, and where each number stands among those of a reading in ``summary.json``.
-
-Shares are of the plants on which all three controllers are stable. A place counts where it holds in MAE and
-RMSE on both joints: `order` is the published one, `first` and `last` are Controller 1's, `late` is `last`
-without the first two seconds. `behind` is Controller 1 behind 2 in the MAE of joint 2, `smooth` its torque
-the smoothest, and `rises` RMSE over MAE from Controller 1 to 3.
-"""
 
 
 class Shown(NamedTuple):
@@ -73,20 +35,6 @@ class Shown(NamedTuple):
 
 HEAD = ("tendonrepro_version", "config_sha256", "draws", "scramblings", "cost")
 """Keys of ``summary.json`` that ``docs/results/ensemble.json`` holds beside the drawn plants."""
-
-
-def rows_of(summary: Json) -> Iterator[dict[str, object]]:
-    """Yield the rows of ``readings.csv``; a KeyError for a summary of an older version."""
-    for population, held in summary["populations"].items():
-        for reading in held["readings"]:
-            numbers = {column: _at(reading, path) for column, path in COLUMNS.items()}
-            yield {"population": population, "reading": reading["name"], **numbers}
-
-
-def _at(reading: Any, path: str) -> float | None:
-    """The number at a dotted path."""
-    number: float | None = reduce(getitem, path.split("."), reading)
-    return number
 
 
 def head_of(summary: Json) -> Json:

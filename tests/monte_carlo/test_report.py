@@ -47,13 +47,13 @@ def test_the_table_has_the_numbers_of_the_summary(mixed, tmp_path):
     rows = list(csv.DictReader(io.StringIO((tmp_path / "readings_box.csv").read_text())))
     assert [row["reading"] for row in rows] == list(READINGS)
     for row, reading in zip(rows, summary["populations"]["box"]["readings"], strict=True):
-        order = reading["share_c1_lt_c2_lt_c3"]["all_ok"]["mae"]["both"]
-        assert [float(row[f"order_mae{end}"]) for end in ("", "_low", "_high")] == [
+        order = reading["share_c1_lt_c2_lt_c3"]["all_ok"]["mae_and_rmse"]["both"]
+        assert [float(row[f"order{end}"]) for end in ("", "_low", "_high")] == [
             order[key] for key in ("share", "low", "high")
         ]
         median = reading["ratio_c2_c3"]["all_ok"]["mae"]["joint_3"]["median"]["value"]
-        assert float(row["ratio_c2_c3_joint_3"]) == median
-        assert float(row["ok_controller_2"]) == reading["status"]["controller_2"]["ok"]["share"]
+        assert float(row["c2_c3_joint_3_median"]) == median
+        assert float(row["stable_controller_2"]) == reading["status"]["controller_2"]["ok"]["share"]
     text, terminal = (tmp_path / "readings_box.md").read_text(), table.text()
     assert all(f"| {name} |" in text and name in terminal for name in READINGS)
 
@@ -66,7 +66,7 @@ def nowhere_stable():
 
 def test_a_table_without_plants_has_no_numbers(nowhere_stable):
     (table,) = ensemble_tables(nowhere_stable)
-    assert np.isnan([table.rows[0]["order_mae"], table.rows[0]["distance"]]).all()
+    assert np.isnan([table.rows[0]["order"], table.rows[0]["distance"]]).all()
     row = table.md().splitlines()[-1]
     assert row.count("--") == sum(
         isinstance(cell, float) and np.isnan(cell) for cell in table.rows[0].values()

@@ -17,10 +17,11 @@ from support.made_ensemble import DIVERGED, PLANTS, always_ok, ensemble, random_
 from tendonrepro.configuration.shown import FINE_STEPS, SHOWN
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import to_json
+from tendonrepro.monte_carlo.report import COLUMNS
 from tendonrepro.reporting.contents import cells_of, rendered
 from tendonrepro.reporting.figures import draw_orders
 from tendonrepro.reporting.page import run_report
-from tendonrepro.reporting.readings import COLUMNS, HEAD, read_shown, shown
+from tendonrepro.reporting.readings import HEAD, read_shown, shown
 from tendonrepro.reporting.stored import stored_under
 
 
