@@ -115,9 +115,11 @@ def test_the_table_has_each_search_and_the_repeats(harvest, generate, tmp_path):
         "5.0 %",
         "1 |",
     ]
-    for part in ("closest_plants", "repeats"):
+    # The second has a row where repeats end farther than what was seen once.
+    rows = {"closest_plants": ["feedback=motor", "weights=extrapolating", "printed"], "repeats": []}
+    for part, expected in rows.items():
         names = [line.split("`")[1] for line in generate.made(part, **known).splitlines() if "`" in line]
-        assert names == ["feedback=motor", "weights=extrapolating", "printed"]
+        assert names == expected
 
 
 def row(compared, estimator, probability, low, high, loss):
