@@ -215,6 +215,15 @@ def _word(draw: Draw, row: str) -> str:
     return WORDS[row][int(draw[row])]
 
 
+def idle_rows(draw: Draw) -> set[str]:
+    """Rows of the box that do nothing in a draw, because what they are of is off."""
+    idle = {name for name, row in SHARED.items() if not row.acts(draw)}
+    kind = _word(draw, "disturbance")
+    idle |= {"disturbance_torque"} if kind == "none" else set()
+    idle |= {"disturbance_frequency"} if kind != "sine" else set()
+    return idle | ({"clearance"} if _word(draw, "clearance_at") == "none" else set())
+
+
 def _put_arm(arm: Section, draw: Draw) -> None:
     """Fill in the manipulator of the paper's arm; joint 1 is held, so its entries do not matter."""
 

@@ -14,6 +14,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import METRICS
+from tendonrepro.configuration.rows import idle_rows
 from tendonrepro.configuration.strict_yaml import dump
 from tendonrepro.console import count_of
 from tendonrepro.files import Json, write_atomically
@@ -35,12 +36,6 @@ AT_BOUND = 0.01
 
 WIDE = 0.25
 """Share of a row's range beyond which plants that fit alike do not determine it."""
-
-_SWITCHES = {
-    "reducer_loss_acts": {"reducer_efficiency"},
-    "disturbance": {"disturbance_torque", "disturbance_frequency"},
-}
-"""What a row switches where its name does not say it."""
 
 _OF_READINGS = ("name", "misfit_log", "low", "high", "in_order", "found_by")
 _OF_KNOWN = ("name", "best", "lowest", "highest", "value", "value_unit", "known")
@@ -336,8 +331,7 @@ def parameter_rows(box: Population, units: Array) -> list[ParameterRow]:
     What the best plant has switched off is at no bound.
     """
     values, best = box.values(units), units[0]
-    off = [row.name for p, row in enumerate(box.rows) if row.choices and values[0, p] == 0.0]
-    idle = set().union(*map(switched_by, off))
+    idle = set() if box.around else idle_rows(box.named(values[0]))
     rows: list[ParameterRow] = []
     for p, row in enumerate(box.rows):
         plants = [row.words[int(value)] if row.words else float(value) for value in values[:, p]]
@@ -356,11 +350,6 @@ def parameter_rows(box: Population, units: Array) -> list[ParameterRow]:
             }
         )
     return rows
-
-
-def switched_by(name: str) -> set[str]:
-    """Rows that do nothing where a choice is off or none."""
-    return _SWITCHES.get(name, {name.removesuffix("_acts")})
 
 
 def _bound(unit: float) -> str | None:

@@ -37,7 +37,10 @@ def test_parameters_have_values_words_and_bounds():
     units = np.full((3, len(box.names)), 0.5)
     place = {name: k for k, name in enumerate(box.names)}
     units[0, place["winch_viscous"]], units[0, place["posture"]] = 0.995, 0.004
-    units[0, place["pulley_loss"]], units[0, place["pulley_loss_acts"]] = 1.0, 0.0
+    # At their ends, and off.
+    off = {"pulley_loss": "pulley_loss_acts", "link_coulomb": "friction_sides", "clearance": "clearance_at"}
+    for name, switch in (off | {"disturbance_torque": "disturbance"}).items():
+        units[0, place[name]], units[0, place[switch]] = 1.0, 0.0
     rows = {row["name"]: row for row in parameter_rows(box, units)}
     assert rows["winch_viscous"]["plants"][1] == pytest.approx(1.0, rel=0.02)  # middle of 0.2 to 5, log
     at = {name: row["at_bound"] for name, row in rows.items() if row["at_bound"]}
