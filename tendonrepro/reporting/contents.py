@@ -15,7 +15,7 @@ from tendonrepro.reporting.readings import Shown
 from tendonrepro.verdicts.words import percent, two_digits
 
 TEMPLATES = Path(__file__).with_name("templates")
-WORDS = ("headline", "answer", "why", "robustness")
+WORDS = ("headline", "drawn", "answer", "why", "robustness")
 """Templates of what is said of an ensemble."""
 
 BOX_HEADS = ("Row", "Range or choices", "Nominal", "Unit", "Scale", "Confidence", "From")
