@@ -31,7 +31,10 @@ def __getattr__(name: str) -> object:
         return getattr(commands, name)
     if name in commands.FORMER_FUNCTIONS:
         raise AttributeError(f"{__name__}.{name} is gone: use {commands.FORMER_FUNCTIONS[name]}")
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from tendonrepro.errors import did_you_mean
+
+    meant = did_you_mean(name, commands.PUBLIC)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}{meant}")
 
 
 def __dir__() -> list[str]:

@@ -51,6 +51,10 @@ class DataMissingError(TendonreproError):
     exit_code: ClassVar[int] = 4
 
 
+class NoSuchKeyError(UsageError, KeyError):
+    """A result has nothing of that name."""
+
+
 def nearest(word: str, words: Iterable[str]) -> str | None:
     """The word that was probably meant, if any is near."""
     lower = {candidate.lower(): candidate for candidate in words}
@@ -62,3 +66,10 @@ def did_you_mean(word: object, words: Iterable[str]) -> str:
     """Question after the word that was probably meant, or nothing."""
     meant = nearest(str(word), words)
     return "" if meant is None else f", did you mean {meant!r}?"
+
+
+def no_such(kind: str, name: object, names: Iterable[str]) -> NoSuchKeyError:
+    """Error of a wrong key, with the right one, and all that there are."""
+    known = list(names)
+    message = f"there is no {kind} {name!r}{did_you_mean(name, known)}"
+    return NoSuchKeyError(message, hint=f"There are: {', '.join(known) or 'none'}")

@@ -50,6 +50,23 @@ def test_runs_are_datasets_with_units(found: tr.Result) -> None:
         found["controller_3"]
 
 
+def test_a_wrong_name_suggests_the_right_one_and_keys_are_offered(found: tr.Result) -> None:
+    assert found._ipython_key_completions_() == [*found]
+    wrong: list[tuple[Any, str, type[Exception]]] = [
+        (lambda: found["controler_1"], "controller_1", KeyError),
+        (lambda: found.tables["tabel2"], "table2", KeyError),
+        (lambda: found.plot("fgi14"), "fig14", UsageError),
+        (lambda: found.loop("controler_1"), "controller_1", KeyError),
+        (lambda: tr.compare(sett={}), "set", TypeError),  # type: ignore[call-arg]
+        (lambda: tr.ensemble(drawss=64), "draws", TypeError),  # type: ignore[call-arg]
+        (lambda: tr.comparee, "compare", AttributeError),  # type: ignore[attr-defined]
+    ]
+    for call, right, kind in wrong:
+        with pytest.raises(kind) as raised:
+            call()
+        assert f"{right!r}" in str(raised.value)
+
+
 def test_tables_hold_the_numbers_of_the_runs(found: tr.Result) -> None:
     table = found.tables["table2"].set_index(["run", "joint"])
     for run in ("controller_1", "controller_2"):

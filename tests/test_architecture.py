@@ -210,6 +210,8 @@ def test_tests_enter_by_public_names() -> None:
             private += [
                 f"{path.name}:{node.lineno} {name}"
                 for name in names
-                if name.startswith("_") and not name.startswith(("__", "_repr_")) and name not in NAMED_TUPLES
+                if name.startswith("_")
+                and not name.startswith(("__", "_repr_", "_ipython_"))
+                and name not in NAMED_TUPLES
             ]
     assert private == []

@@ -30,12 +30,11 @@ from tendonrepro.console import QUIET, Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import View, build_reference, run_views
 from tendonrepro.parallel import Start, counted
-from tendonrepro.physics.arm import mass_matrix
 from tendonrepro.physics.control import ERROR_SIZES_DEG, TYPICAL_ERROR_DEG, error_ratio
 from tendonrepro.physics.linear_loop import (
     Complex,
     decay_rate,
-    hold_discretised,
+    load_matrix,
     loop_matrix,
     modes,
     open_loop,
@@ -321,11 +320,8 @@ def load_to_error(view: View, q: Array, angles: Array) -> Complex | None:
     closed = loop_matrix(q, view.plant, law, view.delay)
     if np.abs(np.linalg.eigvals(closed)).max() >= 1.0:
         return None
-    A, _ = plant_matrices(q, view.plant)
-    pull = np.zeros((4 * n, n))
-    pull[n : 2 * n] = -np.linalg.inv(mass_matrix(q, view.plant.arm))
     load = np.zeros((len(closed), n), dtype=np.complex128)
-    load[: 4 * n] = hold_discretised(A, pull, law.L)[1]
+    load[: 4 * n] = load_matrix(q, view.plant, law.L)
     z = np.exp(1j * angles)[:, np.newaxis, np.newaxis]
     moved = np.linalg.solve(z * np.eye(len(closed)) - closed, load)
     return np.asarray(-moved[:, :n, :])

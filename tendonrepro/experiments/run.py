@@ -5,22 +5,31 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.load import CompareConfig, Config, ExperimentName, LoadedConfig, load_config
+from tendonrepro.configuration.load import (
+    CompareConfig,
+    Config,
+    ConfigSource,
+    ExperimentName,
+    LoadedConfig,
+    load_config,
+)
 from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.configuration.overrides import Overrides
 from tendonrepro.configuration.strict_model import Model
 from tendonrepro.console import Talk, count_of
-from tendonrepro.errors import TendonreproError, UsageError
-from tendonrepro.experiments.loops import all_loops, friction_scale, growing, run_status
+from tendonrepro.errors import TendonreproError, UsageError, did_you_mean
+from tendonrepro.experiments.loops import all_loops, friction_scale, growing, run_status, run_views
 from tendonrepro.experiments.rig import plant_record
 from tendonrepro.experiments.user_law import UserLaw, runs_of, with_user_laws
 from tendonrepro.files import Json
 from tendonrepro.parallel import Start, counted
+from tendonrepro.physics.linear_loop import SampledLoop, sampled_loop, stroke
 from tendonrepro.results.paper import fitted_under, with_what_they_are
 from tendonrepro.results.paper_tables import made_tables, table_data
 from tendonrepro.results.records import Trace, TraceFile
@@ -199,7 +208,24 @@ def experiment_result(file: TraceFile) -> Result:
         data["growing_hz"] = growing_hz
     diverged = any(trace.status == "diverged" for trace in file.runs.values())
     parts: list[Table | str] = [*made_tables(file), *_notes(file, growing_hz)]
-    return Result(data, parts, manifest=file.manifest, traces=file, diverged=diverged)
+    linear = partial(_linear, file)
+    return Result(data, parts, manifest=file.manifest, traces=file, diverged=diverged, linear=linear)
+
+
+def _linear(file: TraceFile, run: str, at: str) -> SampledLoop:
+    """A run's loop as it is linear at a posture of its motion; a UsageError where it has none."""
+    config = None
+    if file.source == "simulated" and file.experiment == "compare":
+        config = load_config(ConfigSource(file.config_yaml, file.title, None), "compare").config
+    if not isinstance(config, CompareConfig) or run not in config.runs:
+        message = f"{run} has no controller of the package, so its loop is not known"
+        raise UsageError(message, hint="loops are of the configured runs of compare")
+    places = ("start", "middle", "far")
+    if at not in places:
+        raise UsageError(f"there is no posture {at!r}{did_you_mean(at, places)}", hint="start, middle or far")
+    view = run_views(config)[run]
+    q = stroke(file.runs[run].variables["q_d"])[places.index(at)]
+    return sampled_loop(q, view.plant, view.law, view.delay)
 
 
 def _notes(file: TraceFile, growing_hz: Mapping[str, float]) -> Iterator[str]:

@@ -6,6 +6,7 @@ Friction is left out: near standstill it only adds damping of unknown size.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,24 +84,29 @@ def feedback_gains(law: Law) -> tuple[Array, Array]:
     return law.lam * law.eta * slope, law.lam + law.rate_gain * slope
 
 
-def law_matrices(law: Law, delay: int = 0) -> tuple[Array, Array]:
+def law_matrices(law: Law, delay: int = 0, *, driven: bool = False) -> tuple[Array, Array]:
     """Part of the loop without plant: torque that leaves now (n, m), memory afterwards (m - 4 n, m).
 
     The loop's state is the plant's (4 n), the law's memory, (6 lag + 3) n, and the torques under way (delay
-    n).
+    n). Where it is `driven`, 3 n columns more are of the desired ``q_d``, ``dq_d`` and ``ddq_d``.
     """
     n = law.M_bar.size
     end = (4 + 6 * law.lag + 3) * n
-    z = np.eye(end + delay * n)
-    q, still = z[2 * n : 3 * n] if law.motor_side else z[:n], np.zeros((n, len(z)))
+    m = end + delay * n
+    width = m + 3 * n * driven
+    z = np.eye(m, width)
+    q, still = z[2 * n : 3 * n] if law.motor_side else z[:n], np.zeros((n, width))
+    q_d, dq_d, ddq_d = np.eye(width)[m:].reshape(3, n, width) if driven else (still, still, still)
     memory = packed_memory(z[4 * n : end], n, law.lag)
-    de, H_hat = error_rate(memory, q, still, still, law), time_delay_estimate(memory, q, law)
-    on_error, on_rate = (law.M_bar * gain for gain in feedback_gains(law))
-    tau = law.to_joint @ (on_rate[:, np.newaxis] * de - on_error[:, np.newaxis] * q + H_hat)
+    de, H_hat = error_rate(memory, q, q_d, dq_d, law), time_delay_estimate(memory, q, law)
+    fed, on_error, on_rate = (
+        (law.M_bar * gain)[:, np.newaxis] for gain in (law.feed_forward, *feedback_gains(law))
+    )
+    tau = law.to_joint @ (on_rate * de + on_error * (q_d - q) + fed * ddq_d + H_hat)
     queue = np.concatenate([z[end:], tau])
     known = queue[:n] if law.stores_applied else tau
-    after = remember(memory, q, still, de, law.to_joint @ H_hat, known, law)
-    return queue[:n], np.concatenate([*(part.reshape(-1, len(z)) for part in after), queue[n:]])
+    after = remember(memory, q, q_d, de, law.to_joint @ H_hat, known, law)
+    return queue[:n], np.concatenate([*(part.reshape(-1, width) for part in after), queue[n:]])
 
 
 def closed(Phi: Array, Gamma: Array, output: Array, memory: Array) -> Array:
@@ -130,6 +136,64 @@ def loop_matrix(q: Array, plant: Plant, law: Law, delay: int = 0) -> Array:
     """Matrix (m, m) of the closed loop from one sample to the next, at posture ``q``, rad."""
     A, B, C = open_loop(q, plant, law, delay)
     return A + B @ C
+
+
+def load_matrix(q: Array, plant: Plant, L: float) -> Array:
+    """What loads (n,) on the joints, N m, held over L seconds, do to the plant's state, (4 n, n)."""
+    A, _ = plant_matrices(q, plant)
+    pull = np.zeros((4 * q.size, q.size))
+    pull[q.size : 2 * q.size] = -np.linalg.inv(mass_matrix(q, plant.arm))
+    return hold_discretised(A, pull, L)[1]
+
+
+class SampledLoop(NamedTuple):
+    """A closed loop from one sample to the next: ``x[k+1] = A x[k] + B u[k]``, ``y[k] = C x[k] + D u[k]``.
+
+    It is linear about rest at a posture, for small errors, which need not stay small on a motion. Friction,
+    encoder steps, limits of the torque and clearance are left out. Quantities are deviations from that rest.
+
+    Attributes
+    ----------
+    A, B, C, D : array
+        With n moving joints ``u`` has 4 n inputs: the load on each joint, N m, which pulls it downwards; the
+        desired angle, rad, velocity, rad s⁻¹, and acceleration, rad s⁻². ``y`` has 2 n outputs: the error of
+        each joint, rad, and the motors' torque in joint coordinates, N m. The state begins with ``q``,
+        ``dq``, ``theta`` and ``dtheta``; the controller's memory follows.
+    dt : float
+        Sampling period, s.
+
+    Examples
+    --------
+    >>> import tendonrepro as tr
+    >>> loop = tr.compare(set={"reference.periods": 1}, controllers=2).loop("controller_2")
+    >>> loop.D.shape, loop.dt
+    ((4, 8), 0.001)
+
+    ``control.ss(*loop)`` gives it to python-control, and ``scipy.signal.dlti(*loop[:4], dt=loop.dt)`` to
+    SciPy.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    dt: float
+
+
+def sampled_loop(q: Array, plant: Plant, law: Law, delay: int = 0) -> SampledLoop:
+    """Closed loop at posture ``q``, rad, with loads and the desired motion as its inputs."""
+    n, A = q.size, loop_matrix(q, plant, law, delay)
+    output, memory = law_matrices(law, delay, driven=True)
+    m = len(A)
+    _, Gamma = hold_discretised(*plant_matrices(q, plant), law.L)
+    load = np.zeros((m, n))
+    load[: 4 * n] = load_matrix(q, plant, law.L)
+    B = np.hstack([load, np.vstack([Gamma @ output[:, m:], memory[:, m:]])])
+    # The error is of the angles that the controller has.
+    own = slice(2 * n, 3 * n) if law.motor_side else slice(n)
+    C, D = np.vstack([-np.eye(m)[own], output[:, :m]]), np.zeros((2 * n, 4 * n))
+    D[:n, n : 2 * n], D[n:, n:] = np.eye(n), output[:, m:]
+    return SampledLoop(A, B, C, D, law.L)
 
 
 def spectral_radius(matrices: Array) -> Array:

@@ -26,6 +26,7 @@ from typing import (
 )
 
 from tendonrepro.console import Talk
+from tendonrepro.errors import did_you_mean
 from tendonrepro.studies.parameters import ON_PLANTS, Word
 from tendonrepro.studies.study import Answer, Study
 
@@ -98,6 +99,10 @@ class Command:
 
     def bound(self, *args: object, **kwargs: object) -> inspect.BoundArguments:
         """Arguments by parameter: one of several becomes a list, a list of names a text with commas."""
+        for name in kwargs.keys() - self.signature.parameters.keys():
+            meant = did_you_mean(name, self.signature.parameters)
+            message = f"{self.function.__name__}() has no argument {name!r}{meant}"
+            raise TypeError(message)
         given = self.signature.bind(*args, **kwargs)
         for name, value in given.arguments.items():
             parameter = self.signature.parameters[name]

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from tendonrepro.console import count_of
-from tendonrepro.errors import UsageError
+from tendonrepro.errors import UsageError, did_you_mean, no_such
 from tendonrepro.files import Json, to_json
 from tendonrepro.parallel import Start
 from tendonrepro.results.figures import FORMATS, formats_of
@@ -23,7 +23,15 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
+    from tendonrepro.physics.linear_loop import SampledLoop
     from tendonrepro.results.figures.style import Drawing
+
+
+class _Frames(dict[str, "pd.DataFrame"]):
+    """Tables by name, which says what there is in place of a wrong one."""
+
+    def __missing__(self, name: str) -> pd.DataFrame:
+        raise no_such("table", name, self)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -54,6 +62,8 @@ class Result:
         Whether a check that the user asked for fails.
     command : str
         Its name.
+    linear : callable, optional
+        Gives the loop of a run, by its name and a posture; None of other commands than an experiment.
     folder : Path, optional
         Where its tables and files lie, if they are read from there.
     """
@@ -68,6 +78,7 @@ class Result:
     diverged: bool = False
     fails_check: bool = False
     command: str = ""
+    linear: Callable[[str, str], SampledLoop] | None = None
     folder: Path | None = None
 
     @property
@@ -87,7 +98,42 @@ class Result:
         """Return a run with the dimensions time and joint; units stand in the attributes."""
         from tendonrepro.results.traces import dataset_of
 
-        return dataset_of(self._runs[run])
+        return dataset_of(self._run(run))
+
+    def _run(self, run: str) -> Trace:
+        if run not in self._runs:
+            raise no_such("run", run, self._runs)
+        return self._runs[run]
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return list(self)
+
+    def loop(self, run: str, at: Literal["start", "middle", "far"] = "start") -> SampledLoop:
+        """Closed sampled loop of a run, linear about rest at a posture of its motion.
+
+        ``control.ss(*result.loop("controller_1"))`` gives it to python-control. Its poles are those of
+        `explain`, which shows the worst of the three postures.
+
+        Parameters
+        ----------
+        at
+            Start of the motion, halfway to its farthest sample, or that.
+
+        Returns
+        -------
+        SampledLoop
+            ``A``, ``B``, ``C``, ``D`` and the period ``dt``, s.
+
+        Raises
+        ------
+        UsageError
+            For a run that there is not, or that is not of the package's controllers.
+        """
+        if self.linear is None:
+            message = f"{self.command} has no runs, so no loops"
+            raise UsageError(message, hint="compare gives them")
+        self._run(run)
+        return self.linear(run, at)
 
     @property
     def _tables(self) -> list[Table]:
@@ -99,16 +145,17 @@ class Result:
         import pandas as pd
 
         if self.folder is None:
-            return {table.name: pd.DataFrame(list(table.rows)) for table in self._tables}
+            return _Frames({table.name: pd.DataFrame(list(table.rows)) for table in self._tables})
         paths = table_files(self.folder, self.manifest, ".csv")
         # From 3.1 on that is the default, and to ask for it a warning.
         older = tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1)
         exact: dict[str, Any] = {"float_precision": "round_trip"} if older else {}
         # A table without a row has no columns either.
-        return {
+        frames = {
             path.stem: pd.read_csv(path, **exact) if path.read_text("utf-8").strip() else pd.DataFrame()
             for path in paths
         }
+        return _Frames(frames)
 
     @property
     def _drawings(self) -> Mapping[str, Callable[[], Drawing]]:
@@ -135,7 +182,7 @@ class Result:
         drawings = self._drawings
         stem = f"fig{int(name):02d}" if str(name).isdecimal() else str(name)
         if stem not in drawings:
-            message = f"this result of {self.command} has no figure {name}"
+            message = f"this result of {self.command} has no figure {name}{did_you_mean(stem, drawings)}"
             hint = f"figures: {', '.join(drawings) or 'none'}"
             if self.folder is not None and not drawings:
                 hint = f"stored pictures of {self.command} are in {self.folder}, and are not drawn again"
