@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shutil
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -56,8 +55,6 @@ def take(reports: Path) -> None:
     store("claims.json", ledger)
     decides = read(reports / "claims" / "decides.json")
     store("decides.json", {name: held | {"rows": held["rows"][:5]} for name, held in decides.items()})
-    if (reports / "compare").exists():
-        shutil.copy(reports / "compare" / "figures" / "samples.png", DOCS)
     for folder in sorted(reports.glob("identify_all*")):
         take_closest(folder)
     if (reports / "closest").exists():

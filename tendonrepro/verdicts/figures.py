@@ -12,6 +12,9 @@ from tendonrepro.verdicts.sensitivity import Influences
 SHOWN = 12
 """Unknowns in the picture."""
 
+_WORDS = {"table2": "Table 2", "table3": "Table 3", "mae": "MAE", "rmse": "RMSE"}
+"""Parts of an outcome's name as a reader knows them."""
+
 
 def draw_influences(rankings: Mapping[str, Influences]) -> Drawing:
     """Draw the strongest unknowns' shares of each outcome's variance."""
@@ -29,8 +32,10 @@ def draw_influences(rankings: Mapping[str, Influences]) -> Drawing:
                 ink = "white" if value > 35.0 else "black"
                 axes.text(column, row, f"{value:.0f}", ha="center", va="center", fontsize=6, color=ink)
         axes.set_yticks(np.arange(len(unknowns)), unknowns)
-        names = [name.replace(".", " ").replace("_", " ") for name in shares]
-        axes.set_xticks(np.arange(len(shares)), names, rotation=60.0, ha="right")
+        names = [
+            ", ".join(_WORDS.get(part, part.replace("_", " ")) for part in name.split(".")) for name in shares
+        ]
+        axes.set_xticks(np.arange(len(shares)), names, rotation=60.0, ha="right", rotation_mode="anchor")
         axes.set_title("What decides each claim and number: share of the variance, %")
     caption = "Share of the variance of an outcome that an unknown explains alone."
     return Drawing("decides", figure, [axes], caption)

@@ -5,6 +5,7 @@ import pytest
 from support.made_plants import PRINTED, RINGING, loaded, plants
 
 from tendonrepro.configuration.published import published
+from tendonrepro.identification.figures import draw_numbers
 from tendonrepro.identification.goal import printed_numbers
 from tendonrepro.identification.misfit import Simulated
 from tendonrepro.identification.report import number_rows, parameter_rows, shape_rows
@@ -19,6 +20,17 @@ def test_numbers_of_the_first_plant_and_the_range_of_all():
     np.testing.assert_array_equal([row["ours_deg"] for row in rows], sizes[0])
     np.testing.assert_array_equal([row["lowest_deg"] for row in rows], sizes.min(axis=0))
     np.testing.assert_allclose([row["ratio"] for row in rows], sizes[0] / PRINTED.values.ravel())
+
+
+def test_fitted_numbers_are_told_from_others_in_grey_print_too():
+    rows = [*number_rows(plants(), printed_numbers(published(), (2, 3), "controller_2"))]
+    (panel,) = draw_numbers(rows, "printed", "", "the print").axes
+    filled = {
+        line.get_ydata()[0]: line.get_markerfacecolor() != "white"
+        for line in panel.lines
+        if line.get_marker() == "o" and len(line.get_ydata())
+    }
+    assert filled == {place: row["fitted"] for place, row in enumerate(rows)}
 
 
 def test_runs_that_are_not_ok_are_left_out_of_ranges():
