@@ -137,6 +137,20 @@ def apart(first: Bbox, second: Bbox) -> bool:
     return Bbox.intersection(first, second) is None
 
 
+def assert_texts_are_apart(artists: Drawing) -> None:
+    with journal_style():
+        artists.figure.draw_without_rendering()
+        texts = shown_texts(artists)
+    page = artists.figure.bbox
+    boxes = [(text.get_text(), text.get_window_extent()) for text in texts]
+    outside = [text for text, box in boxes if Bbox.union([box, page]).bounds != page.bounds]
+    assert outside == []
+    touching = [(a[0], b[0]) for a, b in combinations(boxes, 2) if not apart(a[1], b[1])]
+    assert touching == []
+    legends = [legend.get_window_extent() for legend in artists.figure.legends]
+    assert all(apart(box, panel.bbox) for box in legends for panel in artists.axes.values())
+
+
 def fitted(file: TraceFile) -> TraceFile:
     """The same with a plant that was fitted to the print, under two readings."""
     under = {"weights": "extrapolating", "phi_branch": "power", "start": "filled"}
@@ -164,17 +178,29 @@ def test_no_text_touches_another_or_leaves_the_page(name: str, long: bool) -> No
     origin = artists.figure.get_supxlabel().split()
     assert "".join(origin) == artists.origin.replace(" ", "")
     assert "phi_branch=power+weights=extrapolating" in artists.origin or not long
-    with journal_style():
-        artists.figure.draw_without_rendering()
-        texts = shown_texts(artists)
-    page = artists.figure.bbox
-    boxes = [(text.get_text(), text.get_window_extent()) for text in texts]
-    outside = [text for text, box in boxes if Bbox.union([box, page]).bounds != page.bounds]
-    assert outside == []
-    touching = [(a[0], b[0]) for a, b in combinations(boxes, 2) if not apart(a[1], b[1])]
-    assert touching == []
-    legends = [legend.get_window_extent() for legend in artists.figure.legends]
-    assert all(apart(box, panel.bbox) for box in legends for panel in artists.axes.values())
+    assert_texts_are_apart(artists)
+
+
+def with_six_joints(file: TraceFile) -> TraceFile:
+    """The same of an arm of a user's own, each of whose joints is like one of two."""
+
+    def six(trace: Trace) -> Trace:
+        variables = {name: np.column_stack([value] * 3) for name, value in trace.variables.items()}
+        gains = {name: [*value] * 3 for name, value in trace.attributes["gains"].items()}
+        attributes = {**trace.attributes, "gains": gains}
+        return replace(trace, joint=(1, 2, 3, 4, 5, 6), variables=variables, attributes=attributes)
+
+    runs = {name: six(trace) for name, trace in file.runs.items()}
+    return replace(file, runs=runs, plant=replace(file.plant, attributes={"arm": "SYNTHETIC"}))
+
+
+@pytest.mark.parametrize("name", ["fig14", "fig15", "fig16", "samples"])
+def test_six_joints_have_room_side_by_side(name: str) -> None:
+    artists = draw(name, with_six_joints(compare_file()))
+    assert_texts_are_apart(artists)
+    assert "paper" not in "".join(panel.get_title(loc="right") for panel in artists.axes.values())
+    rows = [[*artists.axes.values()][first : first + 6] for first in range(0, len(artists.axes), 6)]
+    assert [[bool(panel.get_ylabel()) for panel in row] for row in rows] == [[True] + [False] * 5] * len(rows)
 
 
 # --- the curves are the traces -----------------------------------------------------------------------------

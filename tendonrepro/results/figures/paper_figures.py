@@ -235,7 +235,9 @@ def draw_law(_file: TraceFile, traces: list[Trace]) -> Sheet:
             if bound > _NEAR * np.abs(axes.dataLim.intervaly).max():
                 far.append(f"{said} for joint {joint}")
             else:
-                axes.set_title(rf"bound: $|s| \leq$ {said}{_raised(joints)}", **_REMARK)
+                # Above the title where panels are narrow.
+                raised = "\n" if len(joints) > _WIDE_PANELS else ""
+                axes.set_title(rf"bound: $|s| \leq$ {said}{raised}", **_REMARK)
         if variable in _SAMPLES:
             middle = float(np.mean(_near(runs, joint)))
             label = f"{ZOOM * 1e3:g} ms that the figure “{RAW}” shows"
@@ -254,7 +256,7 @@ def draw_samples(_file: TraceFile, traces: list[Trace]) -> Sheet:
         start, end = _near(runs, joint)
         sheet.zero_line(letter)
         axes.set_xlim(start, end)
-        axes.xaxis.set_major_locator(MultipleLocator(ZOOM / 4.0))
+        axes.xaxis.set_major_locator(MultipleLocator(ZOOM / (4.0 if len(joints) <= _WIDE_PANELS else 2.0)))
         for run in that_hold(runs, variable, joint):
             time = run.trace.time
             inside = (time >= start - 1e-9) & (time <= end + 1e-9)
@@ -265,13 +267,15 @@ def draw_samples(_file: TraceFile, traces: list[Trace]) -> Sheet:
 
 
 def _labels(rows: Mapping[str, str], joints: list[int]) -> list[list[tuple[str, str]]]:
-    """Title and y label of each panel: a row a variable, a column a joint."""
-    return [[(f"Joint {joint}", label) for joint in joints] for label in rows.values()]
+    """Title and y label of each panel: a row a variable, a column a joint.
 
-
-def _raised(joints: list[int]) -> str:
-    """End of a remark, which stands above its title where panels are narrow."""
-    return "\n" if len(joints) > _WIDE_PANELS else ""
+    Where panels are narrow the first of a row has its label alone.
+    """
+    labelled = joints if len(joints) <= _WIDE_PANELS else joints[:1]
+    return [
+        [(f"Joint {joint}", label if joint in labelled else "") for joint in joints]
+        for label in rows.values()
+    ]
 
 
 def _bound_of_s(runs: list[DrawnRun], joint: int) -> float:
@@ -351,7 +355,7 @@ def _tracking(file: TraceFile, runs: list[DrawnRun], base: DrawnRun | None, whos
                 letter, f"{run.name} less that {whose}", time, values, run.stroke, diverged=run.diverged
             )
         if of_paper(file):
-            axes.set_title(f"not in the paper{_raised(joints)}", **_REMARK)
+            axes.set_title("not in the paper", **_REMARK)
     sheet.note = f"Errors: {_BANDS}" if averaged else ""
     if compared:
         sheet.told = _LARGER_TOLD.format(whose=whose)
