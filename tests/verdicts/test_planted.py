@@ -10,7 +10,6 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import METRICS, published, row_of
 from tendonrepro.monte_carlo.shares import rate_of
-from tendonrepro.results.run_noise import with_noise
 from tendonrepro.verdicts.planted import (
     RULES,
     false_contradicted,
@@ -100,13 +99,6 @@ def test_one_reversed_percentage_is_no_contradiction_and_all_four_are():
     assert verdict_on(data, paper, name).verdict == "contradicted"
     errs_more = {f"table2.controller_1.{column}": 0.5 for column in others[:1]}
     assert verdict_on(data, paper.with_numbers(errs_more), name).verdict == "depends_on_plant"
-
-
-def test_noise_is_shared_by_mae_and_rmse_but_for_a_part():
-    errors = np.ones((4000, 4, 2, 2))
-    logs = np.log(with_noise(errors, 0.02, np.random.default_rng(1)))
-    assert logs.std(axis=0) == pytest.approx(0.02, rel=0.1)
-    assert (logs[:, :, 1] - logs[:, :, 0]).std(axis=0) == pytest.approx(0.005, rel=0.1)
 
 
 def test_rates_have_exact_intervals():

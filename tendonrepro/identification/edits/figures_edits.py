@@ -9,8 +9,8 @@ from typing import TypeAlias
 import numpy as np
 from matplotlib.axes import Axes
 
+from tendonrepro.configuration.shown import run_in_words
 from tendonrepro.files import Json
-from tendonrepro.identification.edits.variants import told
 from tendonrepro.results.figures.style import (
     PAGE_MM,
     SERIES,
@@ -78,7 +78,7 @@ def _draw_map(panel: Axes, none: Json, ranked: EditRows, pair: tuple[int, int], 
         panel.plot(*(none["ratios"][place]["median"] for place in pair), "x", color=_NONE, markersize=5.0)
     panel.plot(first["given"], second["given"], "*", color=_TABLE, markersize=8.0)
     for axis, ratio in ((panel.xaxis, first), (panel.yaxis, second)):
-        axis.set_label_text(f"{told(ratio['run'])} over {told(ratio['over_run'])}")
+        axis.set_label_text(f"{run_in_words(ratio['run'])} over {run_in_words(ratio['over_run'])}")
     panel.set(xscale="log", yscale="log", xlim=_EDGES, ylim=_EDGES)
     panel.set_xticks(_TICKS, [f"{tick:g}" for tick in _TICKS])
     panel.set_yticks(_TICKS, [f"{tick:g}" for tick in _TICKS])

@@ -9,8 +9,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from tendonrepro.configuration.published import METRICS
+from tendonrepro.configuration.shown import run_in_words
 from tendonrepro.identification.edits.rank import FEWEST, Outcomes, equal_order, planted, ranking
-from tendonrepro.identification.edits.variants import Variant, Variants, told
+from tendonrepro.identification.edits.variants import Variant, Variants
 from tendonrepro.identification.goal import Goal
 from tendonrepro.results.run_noise import NOISE
 from tendonrepro.results.tables import Table
@@ -154,7 +155,7 @@ def _spoiled(row: EditRow, none: EditRow, ratios: Sequence[EditRow]) -> Iterator
     if row["stable"] < 0.5 * none["stable"]:
         yield "stability"
     if smoothest is not None and smoothest < 0.5 <= (none["first_smoothest_share"] or 0.0):
-        yield "the smooth torque of " + told(ratios[0]["run"])
+        yield "the smooth torque of " + run_in_words(ratios[0]["run"])
     if steps > ROUGHER:
         yield f"torque steps, {steps:.2g} times as large"
     for ratio, ours in zip(ratios, row["ratios"], strict=True):
@@ -166,7 +167,7 @@ def ratio_name(ratio: EditRow) -> str:
     """Words of a ratio."""
     if ratio["run"] == ratio["over_run"]:
         return f"joint {ratio['joint']} over {ratio['over_joint']}"
-    return f"{told(ratio['run'])} over {told(ratio['over_run'])} on joint {ratio['joint']}"
+    return f"{run_in_words(ratio['run'])} over {run_in_words(ratio['over_run'])} on joint {ratio['joint']}"
 
 
 def sentence(rows: Sequence[EditRow]) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.shown import run_in_words
 from tendonrepro.identification.edits.recorded import EditedLaw, RecordedLaw, recorded
 from tendonrepro.identification.edits.rules import EVERYWHERE, edits_of
 from tendonrepro.physics import control
@@ -55,11 +56,6 @@ def law_of(loop: Loop) -> RecordedLaw:
     return recorded(controller.law, controller.command)
 
 
-def told(run: str) -> str:
-    """Name of a run, as an engineer reads it."""
-    return run.replace("controller_", "Controller ")
-
-
 def variants_of(loops: Mapping[str, Loop]) -> Variants:
     """All edits of the laws of some runs.
 
@@ -76,7 +72,7 @@ def variants_of(loops: Mapping[str, Loop]) -> Variants:
     for name, edited in by_name.items():
         made.append(Variant(name, edited))
         alone = edited if len(edited) > 1 else ()
-        made += [Variant(f"{name}, in {told(run)} alone", {run: edited[run]}) for run in alone]
+        made += [Variant(f"{name}, in {run_in_words(run)} alone", {run: edited[run]}) for run in alone]
     return _distinct(made, {run: EditedLaw(law) for run, law in laws.items()})
 
 
