@@ -279,6 +279,8 @@ def test_a_users_own_law_is_edited_by_its_lines(own_law: Path) -> None:
     edits = user_study(own_law, "own").variants.edits
     names = {edit.name for edit in edits}
     assert {"line 8: β with the other sign", "line 9: β and λ exchanged"} <= names
+    # The rate of the error stands twice in the sum, and is shifted once.
+    assert [name for name in names if name.startswith("line 9: ") and name.endswith(" one L older")]
     assert {tuple(edit.laws) for edit in edits} == {("own",)}
 
 

@@ -70,10 +70,12 @@ def edits_result(variants: Variants, outcomes: Mapping[str, Outcomes], seed: int
         data["planted_apart"] = planted(outcomes[APART], PAPERS, seed)
     every = [*_table(rows, ratios)]
     caption = f"Edits of one place each on {plants} plants, most likely first."
-    first = Table("edits", caption, every[: 1 + SHOWN], terminal=_SHOWN)
+    table = Table(
+        "edits", caption, every, terminal=_SHOWN, printed=Table("edits", caption, every[: 1 + SHOWN])
+    )
     draw = partial(draw_edits, rows, ratios, of.factor, plants)
     drawings = {"edits": draw} if any(row["ranked"] for row in rows[1:]) else {}
-    return Result(data, [*_sentences(data), Table("edits", caption, every, printed=first)], drawings)
+    return Result(data, [*_sentences(data), table], drawings)
 
 
 def edit_rows(edits: Sequence[Variant], of: Outcomes) -> list[EditRow]:

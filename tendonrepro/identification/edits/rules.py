@@ -439,14 +439,14 @@ def _weights(of: Anatomy, line: str) -> list[tuple[Place, str]]:
 
 def _shifts(of: Anatomy, group: Sequence[str]) -> Iterator[_Use]:
     """All delayed quantities of a sum, one delay time older or newer."""
-    delayed = [
-        (place, operand)
+    delayed = {
+        place: operand
         for line in group
         for place, operand in of.leaves(line, lambda name: name not in of.labels)
         if any(of.shifted(operand, step) for step in STEPS.values())
-    ]
+    }
     for told, step in STEPS.items():
-        new = {place: of.shifted(operand, step) for place, operand in delayed}
+        new = {place: of.shifted(operand, step) for place, operand in delayed.items()}
         changes = {place: each for place, each in new.items() if each is not None}
         if len(changes) == len(delayed) >= 2 * len(group):
             text = f"{of.words(group[0], group[0])} one L {told}"
