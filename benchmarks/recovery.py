@@ -198,8 +198,10 @@ def _held(name: str, log: Log, record: dict[str, float]) -> Iterator[list[str]]:
         rows = rows_of_all(read, place, [hypothesis, Hypothesis(LINEAR), PID])
         fit = fitted(read, place, hypothesis, (float(step), float(read.angle_rounding[place])), rows)
         off = np.abs(fit.parameters[:3] - [*true_weights(weights)[:, place], gains.M_bar.si[place]])
+        other = gains.beta if hypothesis.surface == LINEAR else gains.eta
+        gain = gains.lam.si[place] * other.si[place]
         inside = {"weights": (off <= fit.half[:3])[:2].all(), "M_bar": off[2] <= fit.half[2],
-                  "gain": abs(fit.position_gain - 1.0) <= fit.position_gain_half}  # fmt: skip
+                  "gain": abs(fit.error_gain - gain) <= fit.error_gain_half}  # fmt: skip
         yield [key for key, holds in inside.items() if holds]
 
 

@@ -67,8 +67,8 @@ class Fit:
     ----------
     parameters, half : array (5,)
         ``w_1, w_2, M_bar, lam, eta``, or ``K_d, K_p`` at the end if linear; half their 90 % interval.
-    position_gain, position_gain_half
-        Gain of the error over the published one, near 0 without an integral; half its 90 % interval.
+    error_gain, error_gain_half
+        Gain of the error over M_bar, s⁻², near 0 without an integral; half its 90 % interval.
     residual
         RMS of the odd blocks beyond the fit to the even ones, N m.
     step
@@ -85,8 +85,8 @@ class Fit:
     hypothesis: Hypothesis
     parameters: Array
     half: Array
-    position_gain: float
-    position_gain_half: float
+    error_gain: float
+    error_gain_half: float
     residual: float
     step: float
     information: float
@@ -126,7 +126,8 @@ def ranked(log: Log, joint: int, rounding: tuple[float, float] = (0.0, 0.0)) -> 
     tried = list(dict.fromkeys([*printed, PID, *best]))
     if log.ddq_d[:, joint].any():
         # Coefficients that were free did without the acceleration where it was absent.
-        tried += [hypothesis.without_acceleration() for hypothesis in tried]
+        absent = ("reference_acceleration", "absent")
+        tried += [hypothesis.beside(absent) for hypothesis in tried]
     fits = _fitted_alike(log, joint, tried, rounding)
     if all(fit.residual > SAME * fit.step for fit in fits):
         # Filters have a free cutoff, so they are tried on what is published, and on what comes close without.
@@ -200,14 +201,14 @@ def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, 
     scaled = scaled[:, scaled.any(axis=0)]
     # Errors may sit in what the controller remembered, or not: intervals have both answers.
     without = _without_errors(whole, parameters, hypothesis, samples, errors)
-    gain, moved = position_gain_of(parameters, hypothesis), np.abs(without - parameters)
-    gain_half = jackknife_half_width(position_gain_of(left_out, hypothesis))
+    gain, moved = error_gain_of(parameters, hypothesis), np.abs(without - parameters)
+    gain_half = jackknife_half_width(error_gain_of(left_out, hypothesis))
     return Fit(
         hypothesis=hypothesis,
         parameters=parameters,
         half=jackknife_half_width(left_out) + moved,
-        position_gain=float(gain),
-        position_gain_half=float(gain_half + np.abs(position_gain_of(without, hypothesis) - gain)),
+        error_gain=float(gain),
+        error_gain_half=float(gain_half + np.abs(error_gain_of(without, hypothesis) - gain)),
         residual=residual,
         step=step,
         information=information,
@@ -260,17 +261,8 @@ def jackknife_half_width(left_out: Array) -> Array:
     return np.asarray(NINETY * np.sqrt((len(left_out) - 1) * left_out.var(axis=0)))
 
 
-def position_gain_of(parameters: Array, hypothesis: Hypothesis) -> Array:
-    """Gain of the error over the published one; parameters are the last axis."""
-    return _error_gain(parameters, hypothesis) / published_position_gain(hypothesis)
-
-
-def published_position_gain(hypothesis: Hypothesis) -> float:
-    """Gain of the error, over M_bar, of the published values: ``lam eta``, or ``K_p`` if linear."""
-    return float(_error_gain(_published(hypothesis), hypothesis))
-
-
-def _error_gain(parameters: Array, hypothesis: Hypothesis) -> Array:
+def error_gain_of(parameters: Array, hypothesis: Hypothesis) -> Array:
+    """Gain of the error over M_bar: ``lam eta``, or ``K_p`` if linear; parameters are the last axis."""
     linear = hypothesis.surface == LINEAR
     return np.asarray(parameters[..., 4] if linear else parameters[..., 3] * parameters[..., 4])
 
@@ -342,20 +334,20 @@ def _sizes(columns: Array) -> Array:
 
 def _filtered(log: Log, joint: int, hypothesis: Hypothesis) -> Iterator[Hypothesis]:
     """With a low-pass filter in each place where one explains more than none does."""
-    for place in range(len(FILTERS)):
+    for place in FILTERS:
         # Weights of the newest value from 0.01 to 0.99, coarsely first: the error has more than one valley.
         grid = np.linspace(-4.6, 4.6, 9)
-        rows = rows_of_all(log, joint, [[*hypothesis.filtered(_newest(grid[0]))][place]])
+        rows = rows_of_all(log, joint, [hypothesis.beside(place, _newest(grid[0]))])
 
-        def error(logit: float, place: int = place, rows: Rows = rows) -> float:
-            filtered = [*hypothesis.filtered(_newest(logit))][place]
+        def error(logit: float, place: tuple[str, str] = place, rows: Rows = rows) -> float:
+            filtered = hypothesis.beside(place, _newest(logit))
             # A log may be too short, which is worse than any fit.
             return min(_held_out_error(log, joint, filtered, _by_parameters, rows), 1e9)
 
         k = int(np.argmin([error(x) for x in grid]))
         low, high = grid[max(k - 1, 0)], grid[min(k + 1, 8)]
         minimum = minimize_scalar(error, bounds=(low, high), method="bounded", options={"xatol": 1e-3})
-        filtered = [*hypothesis.filtered(_newest(minimum.x))][place]
+        filtered = hypothesis.beside(place, _newest(minimum.x))
         rows = rows_of_all(log, joint, [hypothesis, filtered])
         if rows.size < 2 * BLOCK:
             continue

@@ -66,14 +66,9 @@ class Hypothesis:
         """Value of every axis."""
         return {**PRINTED, **dict(self.settings)}
 
-    def filtered(self, newest: float) -> Iterator[Hypothesis]:
-        """With a low-pass filter in each of its places."""
-        for axis, value in FILTERS:
-            yield replace(self, settings=(*self.settings, (axis, value)), newest=newest)
-
-    def without_acceleration(self) -> Hypothesis:
-        """Of a law that does not get the reference's acceleration."""
-        return replace(self, settings=(*self.settings, ("reference_acceleration", "absent")))
+    def beside(self, setting: tuple[str, str], newest: float = 1.0) -> Hypothesis:
+        """With another setting, and the newest weight of its filter if it is one of `FILTERS`."""
+        return replace(self, settings=(*self.settings, setting), newest=newest)
 
     @property
     def is_pid(self) -> bool:

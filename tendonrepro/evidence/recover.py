@@ -25,7 +25,7 @@ from tendonrepro.configuration.load import CompareConfig, LoadedConfig
 from tendonrepro.configuration.published import published
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import UsageError
-from tendonrepro.evidence.fit import Fit, equally_good, published_position_gain, ranked
+from tendonrepro.evidence.fit import Fit, equally_good, ranked
 from tendonrepro.evidence.hypotheses import LINEAR
 from tendonrepro.evidence.log import Log, expected_of, read_logs, torque_rounding
 from tendonrepro.parallel import Start, counted
@@ -142,8 +142,7 @@ class RecoveredController:
         gains, i = self.expected.control.gains, self.place
         linear = self.best.hypothesis.surface == LINEAR
         expected = gains.lam.si[i] * (gains.beta if linear else gains.eta).si[i]
-        scale = float(published_position_gain(self.best.hypothesis) / expected)
-        return scale * self.best.position_gain, scale * self.best.position_gain_half
+        return float(self.best.error_gain / expected), float(self.best.error_gain_half / expected)
 
     @property
     def torque_units(self) -> Array:

@@ -385,7 +385,8 @@ def test_loose_gains_cannot_tell(
     """A 90 % interval has to lie inside a factor of two of the published gain, or outside."""
     one = joint_3(run())
     parameters, halves = np.array([0.9, 0.1, M_bar, 8.0, 1.5]), np.array([0.0, 0.0, half, 0.0, 0.0])
-    gains = {"position_gain": gain, "position_gain_half": gain_half}
+    published = 8.0 * 1.5
+    gains = {"error_gain": published * gain, "error_gain_half": published * gain_half}
     best = replace(one.best, parameters=parameters, half=halves, **gains)
     assert replace(one, fits=[best]).answer == answer
 
@@ -396,9 +397,9 @@ def test_the_interval_of_the_gain_is_that_of_its_factors_together() -> None:
     for joint in (0, 1):
         rows = fit.rows_of_all(log, joint, [Hypothesis(LINEAR)])
         found = fit.fitted(log, joint, Hypothesis(LINEAR), (0.003, 0.0), rows)
-        assert found.position_gain == pytest.approx(found.parameters[4] / 16.0)
-        assert found.position_gain_half == pytest.approx(found.half[4] / 16.0)
-        assert found.position_gain_half > 0.0
+        assert found.error_gain == pytest.approx(found.parameters[4])
+        assert found.error_gain_half == pytest.approx(found.half[4])
+        assert found.error_gain_half > 0.0
 
 
 def test_a_log_without_any_acceleration_or_torque_of_its_own_warns_of_nothing() -> None:
@@ -412,8 +413,8 @@ def test_a_log_without_any_acceleration_or_torque_of_its_own_warns_of_nothing() 
 
 
 def test_the_gain_of_the_error_is_lambda_eta_and_its_interval_that_of_a_mean() -> None:
-    found = fit.position_gain_of(np.array([1.0, 0.0, 0.01, 16.0, 1.5]), Hypothesis(NTSM))
-    assert found == pytest.approx(2.0)
+    found = fit.error_gain_of(np.array([1.0, 0.0, 0.01, 16.0, 1.5]), Hypothesis(NTSM))
+    assert found == pytest.approx(24.0)
     values = np.random.default_rng(1).normal(size=16)
     left_out = np.array([np.delete(values, k).mean() for k in range(16)])
     assert fit.jackknife_half_width(left_out) == pytest.approx(fit.NINETY * values.std(ddof=1) / 4.0)
