@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from tendonrepro.configuration.ensemble import LoadedEnsemble, draws_rows, readings_on
-from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.configuration.models.readings import Reading, parse_reading
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
@@ -55,8 +54,6 @@ def predict_result(
     if draws & (draws - 1):
         even = 1 << draws.bit_length()
         talk.note(f"{draws} is no power of two, so plants cover their ranges less evenly than {even} would")
-    if seconds := errors_from(loaded.compare):
-        talk.note(f"errors_from, {seconds:g} s, is left aside: errors are of whole runs")
     chosen, joints, experiments_run = (
         readings_on(loaded, readings),
         loaded.compare.joints,

@@ -31,7 +31,7 @@ from tendonrepro.identification.misfit import Bench, Repeats, rounding_misfit
 from tendonrepro.identification.optimisers import SEARCHES, SearchPoints
 from tendonrepro.identification.report import SearchAnswer, nearest_search
 from tendonrepro.identification.space import space_of
-from tendonrepro.monte_carlo.kept import study_on_plants
+from tendonrepro.monte_carlo.kept import WHOLE_RUNS, study_on_plants
 from tendonrepro.monte_carlo.plan import identity_of
 from tendonrepro.monte_carlo.population import Population
 from tendonrepro.parallel import as_ready, check_jobs, processors
@@ -189,7 +189,15 @@ def identification(
 
     base = replace(loaded.base, inputs=(*loaded.base.inputs, *_files(errors)))
     loaded = replace(loaded, base=base)
-    study = study_on_plants("identify", loaded, task.identity, run, folder, cost=task.cost())
+    study = study_on_plants(
+        "identify",
+        loaded,
+        task.identity,
+        run,
+        folder,
+        cost=task.cost(),
+        averages="" if errors else WHOLE_RUNS,
+    )
     return replace(
         study, decided_by={"readings": [reading.name for reading in task.readings]}, plan=_plan(task, head)
     )

@@ -19,7 +19,6 @@ from tendonrepro.configuration.ensemble import (
 )
 from tendonrepro.configuration.load import ConfigLike
 from tendonrepro.configuration.models.control import RUNS
-from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.configuration.models.readings import PRINTED, default_readings, parse_reading
 from tendonrepro.configuration.overrides import Overrides
 from tendonrepro.console import count_of
@@ -139,8 +138,6 @@ def ensemble_study(
 
     def run(site: Site, shards: Path) -> Result:
         talk = site.talk
-        if seconds_out := errors_from(study.loaded.compare):
-            talk.note(f"errors_from, {seconds_out:g} s, is left aside: errors are of whole runs")
         _take_over(earlier, shards, study, force=force)
         stores = {
             name: RecordStore(shards / study.file_name(name, draws), study.record_of(name), count)

@@ -10,11 +10,15 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
+from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.files import atomic_path
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site, Study
+
+WHOLE_RUNS = "errors are of whole runs"
+"""Why a study leaves ``errors_from`` of its comparison aside."""
 
 
 class Kept:
@@ -57,6 +61,7 @@ def study_on_plants(
     cost: Mapping[str, float],
     seed: int | None = None,
     stays: str = "",
+    averages: str = WHOLE_RUNS,
 ) -> Study:
     """Study on plants of the box, or around an arm, that goes on after an interruption.
 
@@ -78,6 +83,8 @@ def study_on_plants(
         Of the study's own random numbers, where these are not those of the draws.
     stays
         Folder of what is kept, where that is a part of the result; its files have names by the identity.
+    averages
+        Why ``errors_from`` of the comparison is left aside; empty where it is not.
     """
     kept = stays or f"parts-{identity[:16]}"
     manifest = {
@@ -88,6 +95,8 @@ def study_on_plants(
     }
 
     def made(site: Site) -> Result:
+        if averages and (seconds := errors_from(loaded.compare)):
+            site.talk.note(f"errors_from, {seconds:g} s, is left aside: {averages}")
         return replace(run(site, site.files / kept), manifest=manifest)
 
     base = replace(loaded.base, sha256=identity, origin=loaded.origin)

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from tendonrepro.configuration.ensemble import LoadedEnsemble
-from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError, did_you_mean
 from tendonrepro.experiments import user_law
@@ -76,11 +75,10 @@ def tuning_study(
     cost = cost_of(experiments, SECONDS_PER_EXPERIMENT * (len(loaded.compare.joints) / 2) ** 2)
 
     def run(site: Site, states: Path) -> Result:
-        if seconds := errors_from(loaded.compare):
-            site.talk.note(f"errors_from, {seconds:g} s, is left aside: a tuning has motions of its own")
         return tuning_result(task, _tuned(task, _usable(task, plants), states, jobs, site.talk))
 
-    study = study_on_plants("tune", loaded, identity, run, folder, cost=cost, seed=seed)
+    why = "a tuning has motions of its own"
+    study = study_on_plants("tune", loaded, identity, run, folder, cost=cost, seed=seed, averages=why)
     return replace(study, decided_by={"plants": plants})
 
 
