@@ -199,6 +199,8 @@ def searches_of(found: Mapping[str, Any]) -> list[dict[str, Any]]:
             "unknowns": len(reading["rows_searched"]),
             "largest": max(reading["numbers"], key=lambda row: abs(math.log(row["ratio"]))),
             "at_bound": {row["name"]: row["at_bound"] for row in reading["parameters"] if row["at_bound"]},
+            # A test repeats it. Six digits of it are as much as its masses are moved by.
+            "arm": {row["name"]: row["best"] for row in reading["parameters"]},
         }
         for reading in found["readings"]
     ]

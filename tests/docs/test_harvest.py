@@ -46,7 +46,7 @@ def searched(folder, misfits, **budget):
             "rows_searched": ["amplitude"],
             "best_shape": SHAPE,
             "numbers": [{"ratio": math.exp(misfit)}],
-            "parameters": [{"name": "amplitude", "at_bound": "low"}],
+            "parameters": [{"name": "amplitude", "at_bound": "low", "best": 0.3}],
         }
         for name, misfit in misfits.items()
     ]

@@ -22,7 +22,7 @@ from tendonrepro.configuration.models.readings import PRINTED, default_readings,
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.shown import SHOWN
 from tendonrepro.identification.goal import printed_numbers
-from tendonrepro.identification.misfit import Bench
+from tendonrepro.identification.misfit import Bench, Repeats
 from tendonrepro.identification.space import space_of
 from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.physics.metrics import STATUSES
@@ -93,18 +93,38 @@ def test_plants_give_what_is_stored(
     assert (differences.max() if reading == EXACT else np.median(differences)) < SAME
 
 
+def repeated(name: str, arm: dict[str, Any]) -> Repeats:
+    """Repeat the runs of an arm that a search ended at under a reading."""
+    loaded = load_ensemble(None)
+    bench = Bench(space_of(loaded), "whole", simulate_batch)
+    goal = printed_numbers(published(), loaded.compare.joints)
+    assert bench.box.names == (*arm,)
+    values = [
+        row.words.index(value) if isinstance(value, str) else value
+        for row, value in zip(bench.box.rows, arm.values(), strict=True)
+    ]
+    return bench.repeated(np.array([values], dtype=float), parse_reading(name), goal, 64, [1])
+
+
 @pytest.mark.slow
 def test_an_arm_whose_torque_chatters_does_not_repeat() -> None:
     """It was found by the search that told the lowest misfit it saw."""
-    trial, loaded = stored("trials"), load_ensemble(None)
-    bench = Bench(space_of(loaded), "whole", simulate_batch)
-    assert bench.box.names == (*trial["values"],)
-    goal = printed_numbers(published(), loaded.compare.joints)
-    plant = np.array([[*trial["values"].values()]])
-    again = bench.repeated(plant, parse_reading(trial["name"]), goal, 64, [1])
+    trial = stored("trials")
+    again = repeated(trial["name"], trial["values"])
     assert trial["low"] < again.median[0] < trial["high"]
     assert trial["seen"] < trial["low"]
     assert again.ordered.mean() < 0.5
+
+
+@pytest.mark.slow
+def test_the_nearest_arm_of_each_reading_is_as_far_from_the_print_as_is_stored() -> None:
+    searches = [search for search in stored("identify")["readings"] if "arm" in search]
+    if not searches:
+        pytest.skip("these searches were stored before their arms were")
+    for search in searches:
+        nearest = min(search["searches"], key=lambda row: row["misfit_log"])
+        (misfit,) = repeated(search["name"], search["arm"]).median
+        assert 0.99 * nearest["low"] < misfit < 1.01 * nearest["high"], search["name"]
 
 
 @pytest.mark.release
