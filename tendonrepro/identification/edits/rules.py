@@ -330,22 +330,6 @@ Changes of one kind and operand are also made together, wherever it stands.
 """
 
 
-def _changed(of: Anatomy, group: Sequence[str], k: int) -> Iterator[_Use]:
-    """What the rules change of an operand of lines that are alike."""
-    first, *others = (_At(of, line, k) for line in group)
-    for kind, words, rule in RULES:
-        if (new := rule(first)) is None:
-            continue
-        told = {"old": of.words(first.operand), "operation": first.operation}
-        told |= {"new": of.words(new)} if "{new}" in words else {}
-        told |= dict(zip(("then", "otherwise"), map(of.words, first.operands[1:]), strict=False))
-        changes = {(at.line, k): each for at in others if (each := rule(at)) is not None}
-        key = of.key(first.operand)
-        yield _Use(
-            kind.format_map(told), key, first.line, words.format_map(told), {(first.line, k): new} | changes
-        )
-
-
 class _Use(NamedTuple):
     """A change in lines that are alike.
 
@@ -357,6 +341,19 @@ class _Use(NamedTuple):
     line: str
     words: str
     changes: dict[Place, New]
+
+
+def _changed(of: Anatomy, group: Sequence[str], k: int) -> Iterator[_Use]:
+    """What the rules change of an operand of lines that are alike."""
+    first = _At(of, group[0], k)
+    parts = zip(("condition", "then", "otherwise"), map(of.words, first.operands), strict=False)
+    told = {"old": of.words(first.operand), "operation": first.operation, **dict(parts)}
+    for kind, words, rule in RULES:
+        changes = {(line, k): new for line in group if (new := rule(_At(of, line, k))) is not None}
+        if changes:
+            told["new"] = of.words(changes[group[0], k]) if "{new}" in words else ""
+            key = of.key(first.operand)
+            yield _Use(kind.format_map(told), key, group[0], words.format_map(told), changes)
 
 
 def edits_of(law: RecordedLaw) -> dict[str, Changes]:
