@@ -52,7 +52,29 @@ FORMER_FUNCTIONS = {
 
 
 def config(source: str | Path | None = None, *, set: Changes = None) -> Config:
-    """Return a checked, frozen configuration; `source` is a file or a shipped name."""
+    """A checked, frozen configuration.
+
+    Parameters
+    ----------
+    source
+        A file or a shipped name [default: compare].
+    set
+        Changes of its values by their keys.
+
+    Returns
+    -------
+    Config
+        Its values have units and sources; ``.si`` is in SI units.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be used; the message has file and line.
+
+    Examples
+    --------
+    ``tr.config("compare", set={"control.gains.lam": 6}).control.gains.lam.si``
+    """
     from tendonrepro.configuration.load import load_config
 
     return load_config(source or "compare", None, overrides=set).config
@@ -61,10 +83,19 @@ def config(source: str | Path | None = None, *, set: Changes = None) -> Config:
 def open(folder: str | Path) -> Result:
     """Read the stored result of any command, or a trace file; a measured one, too.
 
+    Returns
+    -------
+    Result
+        As the command gave it.
+
     Raises
     ------
     DataMissingError
         When there is none, or it is damaged.
+
+    Examples
+    --------
+    ``tr.open("reports/compare")["controller_1"]["e"]``
     """
     from tendonrepro.results.store import numbers_in, result_manifest, table_files
     from tendonrepro.results.traces import TRACES, read_traces

@@ -2,14 +2,14 @@
 
 from typing import Unpack
 
-from tendonrepro.studies.command import ONE_ARM, study
+from tendonrepro.studies.command import ONE_ARM, Example, study
 from tendonrepro.studies.parameters import Changes, ConfigOption, Controllers, Folder, Seed
 from tendonrepro.studies.study import Study
 
 __all__ = ["explain"]
 
 
-@study(ONE_ARM, "tendonrepro explain --set manipulator.actuator.output_delay=1")
+@study(ONE_ARM, Example(set={"manipulator.actuator.output_delay": 1}))
 def explain(
     config: ConfigOption = None,
     *,

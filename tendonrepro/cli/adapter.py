@@ -42,7 +42,7 @@ def add_command(app: typer.Typer, command: Command, *, hidden: bool = False) -> 
     run.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined]
     run.__annotations__ = {option.name: option.annotation for option in options}
     run.__doc__ = command.about
-    epilog = f"Example: {command.example}"
+    epilog = f"Example: {command.words(*command.example.args, **command.example.kwargs)}"
     app.command(command.word, epilog=epilog, rich_help_panel=command.under, hidden=hidden)(run)
 
 
@@ -93,6 +93,8 @@ def _option(parameter: inspect.Parameter, about: str) -> inspect.Parameter:
     metavar = word.metavar or None
     if many or word.positional:
         return _keyword(parameter.name, default, Annotated[kind, typer.Argument(help=about, metavar=metavar)])
+    if get_origin(_writable(parameter.annotation)) is list:
+        about = f"{about.removesuffix('.')}; repeatable."
     option = typer.Option(option_of(parameter), help=about, metavar=metavar)
     # The flag of what holds by default says that it shall not.
     return _keyword(parameter.name, False if default is True else default, Annotated[kind, option])

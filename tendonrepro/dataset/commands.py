@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from tendonrepro.errors import UsageError
-from tendonrepro.studies.command import DATA, command
+from tendonrepro.studies.command import DATA, Example, command
 from tendonrepro.studies.parameters import ARGUMENT, MEASURED_FILE, TALK, Overwrite, Telling, Word
 from tendonrepro.studies.study import Answer
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tendonrepro.dataset.ingestion import Ingested, Inspected
 
 
-@command(DATA, "tendonrepro data fetch --out data/zenodo")
+@command(DATA, Example(out="data/zenodo"))
 def fetch(
     record: Annotated[str, ARGUMENT] = "19467931",
     out: Path | str = Path("data/zenodo"),
@@ -45,6 +45,11 @@ def fetch(
         List the record, download nothing.
     force
         Replace altered files, or another record's.
+
+    Returns
+    -------
+    dict
+        The record, and its files with their digests.
     """
     from tendonrepro.dataset.fetch import fetch_text, run_fetch
 
@@ -52,7 +57,7 @@ def fetch(
     return Answer(lock, fetch_text(lock), lock)
 
 
-@command(DATA, "tendonrepro data inspect data/zenodo --suggest")
+@command(DATA, Example("data/zenodo", suggest=True))
 def inspect(
     *paths: Measured, suggest: bool = False, mapping: Path | str | None = None, force: bool = False
 ) -> Answer["Inspected"]:
@@ -63,9 +68,14 @@ def inspect(
     suggest
         Write a mapping file to edit.
     mapping
-        Mapping file to write [default: data/mapping.yaml with --suggest, else none].
+        Mapping file to write [default: where one is suggested data/mapping.yaml].
     force
         Overwrite the mapping file.
+
+    Returns
+    -------
+    dict
+        Files, their columns, and what these seem to mean.
     """
     from tendonrepro.dataset.ingestion import inspect_text, run_inspect
 
@@ -75,7 +85,7 @@ def inspect(
     return Answer(contents, inspect_text(contents), contents)
 
 
-@command(DATA, "tendonrepro data ingest data/zenodo --mapping data/mapping.yaml")
+@command(DATA, Example("data/zenodo", mapping="data/mapping.yaml"))
 def ingest(
     *paths: Measured,
     mapping: Mapping = MAPPING,
@@ -95,6 +105,11 @@ def ingest(
         The mapping is right: delete every CHECK in it.
     dry_run
         Check everything, write nothing.
+
+    Returns
+    -------
+    dict
+        Runs that were read.
     """
     from tendonrepro.dataset.ingestion import ingest_text, run_ingest
 

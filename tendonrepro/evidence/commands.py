@@ -4,14 +4,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Unpack
 
-from tendonrepro.studies.command import DATA, MANY_ARMS, study
+from tendonrepro.studies.command import DATA, MANY_ARMS, Example, study
 from tendonrepro.studies.parameters import ARGUMENT, Changes, ConfigOption, Destination, OnPlants, drawn_from
 from tendonrepro.studies.study import Study
 
 __all__ = ["predict", "recover"]
 
 
-@study(MANY_ARMS, "tendonrepro predict --readings printed,Delta_unit=deg")
+@study(MANY_ARMS, Example(readings=["printed", "Delta_unit=deg"]))
 def predict(
     draws: int = 256,
     *,
@@ -50,7 +50,7 @@ def predict(
     return replace(study, decided_by={"draws": draws, "readings": names})
 
 
-@study(DATA, "tendonrepro data recover data/measured.h5")
+@study(DATA, Example("data/measured.h5"))
 def recover(
     log: Annotated[Path | str, ARGUMENT],
     *,

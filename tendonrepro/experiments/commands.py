@@ -6,7 +6,7 @@ from typing import Annotated, Literal, TypeAlias, Unpack
 
 from tendonrepro.errors import UsageError
 from tendonrepro.files import Json
-from tendonrepro.studies.command import CONFIG, ONE_ARM, RESULT, command, study
+from tendonrepro.studies.command import CONFIG, ONE_ARM, RESULT, Example, command, study
 from tendonrepro.studies.parameters import (
     ARGUMENT,
     TALK,
@@ -31,7 +31,7 @@ Above: TypeAlias = Annotated[Path | str, Word(help="Results folder, or the one a
 Again: TypeAlias = Annotated[bool, Word(help="Overwrite files changed since, or your own.")]
 
 
-@study(ONE_ARM, 'tendonrepro compare --set "control.gains.alpha=[0, 0]" --out reports/no_alpha')
+@study(ONE_ARM, Example(set={"control.gains.alpha": [0, 0]}, out="reports/no_alpha"))
 def compare(
     config: ConfigOption = None,
     *,
@@ -47,7 +47,7 @@ def compare(
     Parameters
     ----------
     laws
-        Run your own controller too; repeatable. FILE is executed.
+        Run your own controller too; its file is executed.
     solver
         SciPy, or the one of ensembles.
     """
@@ -59,7 +59,7 @@ def compare(
     return experiment_study(prepared(loaded, laws_of(laws), solver), folder)
 
 
-@study(ONE_ARM, "tendonrepro decouple --set manipulator.tendons.damping_factor=3 --out reports/damped")
+@study(ONE_ARM, Example(set={"manipulator.tendons.damping_factor": 3}, out="reports/damped"))
 def decouple(
     config: ConfigOption = None, *, set: Changes = None, seed: Seed = None, **folder: Unpack[Folder]
 ) -> Study:
@@ -70,7 +70,7 @@ def decouple(
     return experiment_study(prepared(load_config(config, "decouple", overrides=set, seed=seed)), folder)
 
 
-@study(ONE_ARM, "tendonrepro statics --set manipulator.tensioner.force=30")
+@study(ONE_ARM, Example(set={"manipulator.tensioner.force": 30}))
 def statics(
     config: ConfigOption = None, *, set: Changes = None, seed: Seed = None, **folder: Unpack[Folder]
 ) -> Study:
@@ -89,7 +89,7 @@ def statics(
 Over: TypeAlias = Annotated[Sequence[str] | Mapping[str, Sequence[object]], Word(metavar="KEY=A,B,C")]
 
 
-@study(ONE_ARM, 'tendonrepro sweep --over "control.gains.alpha=[0,0],[0.1,0.2],[0.3,0.4]"')
+@study(ONE_ARM, Example({"control.gains.alpha": [[0, 0], [0.1, 0.2], [0.3, 0.4]]}))
 def sweep(
     over: Over,
     config: ConfigOption = None,
@@ -104,7 +104,7 @@ def sweep(
     Parameters
     ----------
     over
-        A key and its values; once or twice.
+        One or two keys, each with its values.
     """
     from tendonrepro.experiments.sweep import load_grid, simulate
     from tendonrepro.experiments.sweep_report import sweep_result
@@ -113,7 +113,7 @@ def sweep(
     return Study(grid.base, lambda site: sweep_result(simulate(grid, site.talk)), folder)
 
 
-@command(RESULT, "tendonrepro result redraw 14 15")
+@command(RESULT, Example(names=["14", "15"]))
 def redraw(
     out: Above = Path("reports"),
     names: Annotated[Sequence[str], ARGUMENT] = (),
@@ -129,6 +129,11 @@ def redraw(
     ----------
     names
         Figures alone, by name or the paper's number [default: all, and the tables].
+
+    Returns
+    -------
+    list of Path
+        Figures and tables.
     """
     from tendonrepro.experiments import again
     from tendonrepro.results.figures import formats_of
@@ -138,7 +143,7 @@ def redraw(
     return written(paths, paths, talk)
 
 
-@command(RESULT, "tendonrepro result animate reports/decouple --speed 2")
+@command(RESULT, Example("reports/decouple", speed=2))
 def animate(
     file: Traces,
     out: Path | str | None = None,
@@ -158,6 +163,11 @@ def animate(
         Run to show [default: the first].
     speed
         Seconds of the run in a second of film.
+
+    Returns
+    -------
+    list of str
+        Films.
     """
     from tendonrepro.results.figures.arm import animate as film
 
@@ -165,7 +175,7 @@ def animate(
     return Answer(made, "\n".join(made["files"]), list(made["files"]))
 
 
-@command(RESULT, "tendonrepro result export reports/compare --format mat")
+@command(RESULT, Example("reports/compare", "mat"))
 def export(
     file: Traces,
     form: Annotated[str, Word(option="--format")] = "csv",
@@ -182,6 +192,11 @@ def export(
         csv, parquet or mat.
     out
         File to write [default: beside it].
+
+    Returns
+    -------
+    Path
+        The file.
     """
     from tendonrepro.results.traces import export_traces
 
@@ -189,7 +204,7 @@ def export(
     return written([path], path, talk)
 
 
-@command(RESULT, "tendonrepro result diff reports/compare reports/extrapolating")
+@command(RESULT, Example("reports/compare", "reports/extrapolating"))
 def diff(
     first: Annotated[Path | str, ARGUMENT],
     second: Annotated[Path | str, ARGUMENT],
@@ -208,6 +223,11 @@ def diff(
         Another one.
     tolerance
         Numbers closer than this share of the larger are equal [default: 0; 1e-6 between versions or solvers].
+
+    Returns
+    -------
+    dict
+        What differs; ``same`` says whether anything does.
     """
     from tendonrepro.results.difference import difference, difference_text
 
@@ -220,7 +240,7 @@ Named: TypeAlias = Annotated[
 ]
 
 
-@command(CONFIG, "tendonrepro config list")
+@command(CONFIG, Example())
 def config_list(*, talk: Telling = TALK) -> Answer[list[str]]:
     """Names of the shipped configurations."""
     from tendonrepro.configuration.load import shipped_folder, shipped_names
@@ -230,7 +250,7 @@ def config_list(*, talk: Telling = TALK) -> Answer[list[str]]:
     return Answer({"schema_version": 1, "configs": names}, "\n".join(names), names)
 
 
-@command(CONFIG, "tendonrepro config show compare")
+@command(CONFIG, Example("compare"))
 def config_show(config: Named, *, set: Changes = None) -> Answer[Json]:
     """A configuration as it is used: complete, changes applied."""
     from tendonrepro.configuration.any_kind import shown
@@ -239,7 +259,7 @@ def config_show(config: Named, *, set: Changes = None) -> Answer[Json]:
     return Answer(tree, text.rstrip(), tree)
 
 
-@command(CONFIG, "tendonrepro config init --joints 2 --out mine/my_arm.yaml")
+@command(CONFIG, Example(joints=2, out="mine/my_arm.yaml"))
 def config_init(
     name: Annotated[str | None, ARGUMENT] = None,
     *,
@@ -267,7 +287,7 @@ def config_init(
     return written(paths, paths, talk)
 
 
-@command(CONFIG, "tendonrepro config check my_experiment/compare.yaml")
+@command(CONFIG, Example("my_experiment/compare.yaml"))
 def config_check(config: Named, *, set: Changes = None, talk: Telling = TALK) -> Answer[Json]:
     """Check a configuration, and list all its mistakes."""
     from tendonrepro.configuration.any_kind import checked
@@ -294,7 +314,7 @@ def config_check(config: Named, *, set: Changes = None, talk: Telling = TALK) ->
     return Answer(known, f"{config}: valid {known['kind']}", known)
 
 
-@command(CONFIG, "tendonrepro config schema > schema.json")
+@command(CONFIG, Example("compare"))
 def config_schema(kind: Annotated[str | None, ARGUMENT] = None) -> Answer[Json]:
     """JSON schema of configuration files, for editors.
 

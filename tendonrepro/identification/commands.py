@@ -3,14 +3,14 @@
 from pathlib import Path
 from typing import Annotated, Literal, Unpack
 
-from tendonrepro.studies.command import MANY_ARMS, study
+from tendonrepro.studies.command import MANY_ARMS, Example, study
 from tendonrepro.studies.parameters import Jobs, OnPlants, Word, drawn_from
 from tendonrepro.studies.study import Study
 
 __all__ = ["identify"]
 
 
-@study(MANY_ARMS, "tendonrepro identify --readings printed,weights=extrapolating")
+@study(MANY_ARMS, Example(readings=["printed", "weights=extrapolating"]))
 def identify(
     fit: Literal["controller_2", "all"] = "controller_2",
     *,

@@ -2,14 +2,14 @@
 
 from typing import Annotated, Unpack
 
-from tendonrepro.studies.command import MANY_ARMS, study
+from tendonrepro.studies.command import MANY_ARMS, Example, study
 from tendonrepro.studies.parameters import Jobs, Laws, OnPlants, Word, drawn_from
 from tendonrepro.studies.study import Study
 
 __all__ = ["ensemble"]
 
 
-@study(MANY_ARMS, "tendonrepro ensemble --draws 1024 --jobs 4")
+@study(MANY_ARMS, Example(draws=512, jobs=4))
 def ensemble(
     draws: int = 1024,
     *,
@@ -30,7 +30,7 @@ def ensemble(
     readings
         default, or comma-separated names.
     laws
-        Around your own arm, run your own controller too; repeatable. FILE is executed.
+        Around your own arm, run your own controller too; its file is executed.
     dask
         Scheduler to send the work to.
     """

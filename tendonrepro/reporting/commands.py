@@ -3,14 +3,14 @@
 from pathlib import Path
 from typing import Annotated
 
-from tendonrepro.studies.command import COMMANDS, PAGES, command
+from tendonrepro.studies.command import COMMANDS, PAGES, Example, command
 from tendonrepro.studies.parameters import ARGUMENT, Changes, ConfigOption
 from tendonrepro.studies.study import Answer
 
 __all__ = ["live", "report"]
 
 
-@command(PAGES, "tendonrepro live --config mine.yaml --out mine.html")
+@command(PAGES, Example("mine.yaml", "mine.html"))
 def live(
     config: ConfigOption = None,
     out: Path | str = Path("live.html"),
@@ -28,6 +28,11 @@ def live(
         HTML file to write.
     force
         Overwrite a file that is no such page.
+
+    Returns
+    -------
+    Path
+        The page.
     """
     from tendonrepro.configuration.load import load_config
     from tendonrepro.reporting.live.page import live_text, write_page
@@ -38,7 +43,7 @@ def live(
     return Answer(page, live_text(page), Path(page["path"]))
 
 
-@command(PAGES, "tendonrepro report --out review.html")
+@command(PAGES, Example(out="review.html"))
 def report(
     results: Annotated[Path | str, ARGUMENT] = Path("reports"),
     out: Path | str | None = None,
@@ -55,6 +60,11 @@ def report(
         HTML file to write [default: report.html in that folder, or NAME.html beside a result].
     force
         Overwrite a file that is no report.
+
+    Returns
+    -------
+    Path
+        The page.
     """
     from tendonrepro.reporting.page import report_text, run_report
 

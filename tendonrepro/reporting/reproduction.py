@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tendonrepro.errors import UsageError
-from tendonrepro.studies.command import COMMANDS, ONE_ARM, command
+from tendonrepro.studies.command import COMMANDS, ONE_ARM, Example, command
 from tendonrepro.studies.parameters import TALK, Changes, ConfigOption, Folder, Formats, Seed, Telling
 from tendonrepro.studies.study import Answer
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 __all__ = ["reproduce"]
 
 
-@command(ONE_ARM, "tendonrepro reproduce --out reports")
+@command(ONE_ARM, Example("reports"))
 def reproduce(
     out: Path | str | None = None,
     *,
@@ -50,6 +50,11 @@ def reproduce(
         Overwrite other results, and files changed since.
     dry_run
         Check everything, run nothing.
+
+    Returns
+    -------
+    dict of Result
+        By name: each study that was carried out; of an own arm also the ``answer``.
     """
     from tendonrepro.experiments.run import experiment_study, paper_experiments, results_of
     from tendonrepro.files import refuse_foreign

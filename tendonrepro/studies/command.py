@@ -49,17 +49,25 @@ GROUPS = {
 """Groups of commands, and what is in them."""
 
 
+class Example:
+    """Arguments of a call that shows a command; as words of the shell and as Python."""
+
+    def __init__(self, *args: object, **kwargs: object) -> None:
+        self.args, self.kwargs = args, kwargs
+
+
 @dataclass(frozen=True)
 class Command:
     """An entry of the registry.
 
     `name` is the words that call it, such as ``compare`` or ``result diff``; `under` is its panel on the
-    first screen, or its group. `function` gives an `Answer`, or a `Study`, which the lifecycle carries out.
+    first screen, or its group. `example` is a call of it. `function` gives an `Answer`, or a `Study`, which
+    the lifecycle carries out.
     """
 
     name: str
     under: str
-    example: str
+    example: Example
     function: Callable[..., Answer[object] | Study]
     has_dry_run: bool = False
 
@@ -112,24 +120,50 @@ class Command:
 
     @property
     def about(self) -> str:
-        """What it does: the docstring up to its parameters."""
-        return (inspect.getdoc(self.function) or "").partition("\n\nParameters\n")[0]
+        """What it does: the docstring up to its first section."""
+        return _SECTION.split(inspect.getdoc(self.function) or "", maxsplit=1)[0]
+
+    @property
+    def sections(self) -> dict[str, str]:
+        """Sections of the docstring by their titles."""
+        _, *parts = _SECTION.split(inspect.getdoc(self.function) or "")
+        return dict(zip(parts[::2], parts[1::2], strict=True))
+
+    @property
+    def python_example(self) -> str:
+        """The example as a call of Python."""
+        given = [repr(value) for value in self.example.args]
+        given += [f"{name}={value!r}" for name, value in self.example.kwargs.items()]
+        return f"tr.{self.word}({', '.join(given)})"
 
     @cached_property
     def help(self) -> dict[str, str]:
         """What each parameter means, as the docstring or a shared annotation says."""
         annotations = {name: parameter.annotation for name, parameter in self.signature.parameters.items()}
         return {name: word_of(annotation).help for name, annotation in annotations.items()} | dict(
-            _described(inspect.getdoc(self.function) or "")
+            _described(self.sections.get("Parameters", ""))
         )
 
+
+_SECTION = re.compile(r"\n\n(Parameters|Returns|Raises)\n-+\n")
+"""Head of a section of a numpydoc docstring."""
+
+_RETURNS = """Result
+    Numbers, tables and figures; of an experiment its runs, too."""
+
+_RAISES = """UsageError, ConfigError
+    For arguments or a configuration that cannot be used.
+DataMissingError
+    For a file that is missing or cannot be read.
+TendonreproError
+    For anything else that stops it. Each message says where, and what to do."""
 
 COMMANDS: dict[str, Command] = {}
 """Commands by name, in the order in which their files are imported."""
 
 
 def study(
-    under: str, example: str, *, has_dry_run: bool = True
+    under: str, example: Example, *, has_dry_run: bool = True
 ) -> Callable[[Callable[P, Study]], Callable[P, Result]]:
     """Make a function that checks and prepares a study a command; for Python it gives a result."""
 
@@ -147,7 +181,7 @@ def _result(study: Study) -> Result:
     return result_of(study)
 
 
-def command(under: str, example: str) -> Callable[[Callable[P, Answer[V]]], Callable[P, V]]:
+def command(under: str, example: Example) -> Callable[[Callable[P, Answer[V]]], Callable[P, V]]:
     """Make a function that answers a command."""
 
     def register(function: Callable[P, Answer[V]]) -> Callable[P, V]:
@@ -188,8 +222,11 @@ def _public(
         # The words are those of an option, which takes away what holds by default: --no-figures.
         flag = "False: " if parameter.default is True else ""
         lines += [f"{parameter.name} : {kind}", f"    {flag}{entry.help[parameter.name]}"]
-    section = ["", "Parameters", "----------", *lines] if lines else []
-    call.__doc__ = "\n".join([entry.about, *section])
+    sections = {"Parameters": "\n".join(lines), "Returns": _RETURNS, "Raises": _RAISES}
+    sections |= {title: text for title, text in entry.sections.items() if title != "Parameters"}
+    sections |= {"Examples": f"``{entry.python_example}``"}
+    told = [f"{title}\n{'-' * len(title)}\n{text}" for title, text in sections.items() if text]
+    call.__doc__ = "\n\n".join([entry.about, *told])
     return call
 
 
@@ -268,9 +305,8 @@ def word_of(annotation: object) -> Word:
     return next((part for part in getattr(annotation, "__metadata__", ()) if isinstance(part, Word)), Word())
 
 
-def _described(docstring: str) -> Iterator[tuple[str, str]]:
-    """Parameters that a numpydoc docstring describes, and what it says of each."""
-    section = docstring.partition("\n\nParameters\n----------\n")[2].partition("\n\n")[0]
+def _described(section: str) -> Iterator[tuple[str, str]]:
+    """Parameters that a section of a numpydoc docstring describes, and what it says of each."""
     name, words = "", []
     for line in [*section.splitlines(), "end"]:
         if line.startswith(" "):

@@ -30,7 +30,7 @@ ConfigOption: TypeAlias = Annotated[
 ]
 Changes: TypeAlias = Annotated[
     Sequence[str] | Mapping[str, object] | None,
-    Word(metavar="KEY=VALUE", help="Change a value of the configuration; repeatable."),
+    Word(metavar="KEY=VALUE", help="Change a value of the configuration."),
 ]
 Seed: TypeAlias = Annotated[int | None, Word(help="Seed of all random numbers.")]
 Controllers: TypeAlias = Annotated[
@@ -53,7 +53,7 @@ RangesOption: TypeAlias = Annotated[
     Word(
         option="--range",
         metavar="KEY=LOW,HIGH",
-        help="Factors on one value of your own arm, as links.mass=0.5,2; repeatable.",
+        help="Factors on one value of your own arm, as 0.5 and 2 on links.mass.",
     ),
 ]
 Jobs: TypeAlias = Annotated[int, Word(help="Processes, 1 or more; -1 is one for each processor.")]

@@ -2,14 +2,14 @@
 
 from typing import Unpack
 
-from tendonrepro.studies.command import MANY_ARMS, study
+from tendonrepro.studies.command import MANY_ARMS, Example, study
 from tendonrepro.studies.parameters import Jobs, Laws, OnPlants, drawn_from
 from tendonrepro.studies.study import Study
 
 __all__ = ["tune"]
 
 
-@study(MANY_ARMS, "tendonrepro tune --plants 24")
+@study(MANY_ARMS, Example(plants=24))
 def tune(
     plants: int = 16,
     *,
@@ -37,7 +37,7 @@ def tune(
     population
         Members of a generation.
     laws
-        Tune your own controller too; repeatable. FILE is executed.
+        Tune your own controller too; its file is executed.
     any_plant
         Also plants where the gains of the configuration are unstable.
     only : ntsm,alpha_free

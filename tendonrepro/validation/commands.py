@@ -4,14 +4,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Unpack
 
-from tendonrepro.studies.command import DATA, study
+from tendonrepro.studies.command import DATA, Example, study
 from tendonrepro.studies.parameters import ARGUMENT, MEASURED_FILE, Changes, ConfigOption, Folder, Seed
 from tendonrepro.studies.study import Study
 
 __all__ = ["validate"]
 
 
-@study(DATA, "tendonrepro data validate data/measured.h5")
+@study(DATA, Example("data/measured.h5"))
 def validate(
     measured: Annotated[Path | str, ARGUMENT] = MEASURED_FILE,
     config: ConfigOption = None,

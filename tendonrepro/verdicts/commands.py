@@ -3,14 +3,14 @@
 from pathlib import Path
 from typing import Annotated
 
-from tendonrepro.studies.command import MANY_ARMS, study
+from tendonrepro.studies.command import MANY_ARMS, Example, study
 from tendonrepro.studies.parameters import Folder, Formats, Word
 from tendonrepro.studies.study import Study
 
 __all__ = ["claims"]
 
 
-@study(MANY_ARMS, "tendonrepro claims C2", has_dry_run=False)
+@study(MANY_ARMS, Example("C2"), has_dry_run=False)
 def claims(
     *ids: Annotated[str, Word(metavar="[ID]...")],
     out: Path | str = Path("reports"),
@@ -35,7 +35,7 @@ def claims(
     check
         Exit with 3 where a verdict is against the paper.
     baseline
-        Earlier claims.json: only changes count for --check.
+        Earlier claims.json: only changes count for the check.
     measured
         Measured trace file [default: data/measured.h5 if there is one].
     all

@@ -12,7 +12,7 @@ import typer
 from typer.testing import CliRunner
 
 from tendonrepro.cli.adapter import add_command, show
-from tendonrepro.studies.command import Command
+from tendonrepro.studies.command import Command, Example
 from tendonrepro.studies.parameters import ARGUMENT, TALK, Changes, Destination, Laws, Telling
 from tendonrepro.studies.study import Answer
 
@@ -58,7 +58,7 @@ def several(
 
 def called(function: Any, *words: str, code: int = 0) -> Any:
     app = typer.Typer()
-    add_command(app, Command(function.__name__, "", "", function))
+    add_command(app, Command(function.__name__, "", Example("a"), function))
     done = CliRunner().invoke(app, [*words, "--json"], standalone_mode=False)
     assert done.return_value == code, done.output
     return json.loads(done.stdout)
@@ -94,7 +94,7 @@ def test_many_arguments_and_the_first_type_that_can_be_written() -> None:
 
 
 def test_help_is_the_docstring() -> None:
-    command = Command("everything", "", "", everything)
+    command = Command("everything", "", Example("a"), everything)
     assert command.about == "What it does.\n\nAt length."
     assert command.help["file"] == command.help["draws"] == "Of both."
     assert command.help["kind"] == "Two lines of help."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
 import re
 import shlex
@@ -76,6 +77,35 @@ def test_every_parameter_is_an_option_with_help_and_a_parameter_of_python(name: 
     for key, parameter in given.items():
         is_argument = word_of(parameter.annotation).positional or parameter.kind is parameter.VAR_POSITIONAL
         assert is_argument == (options[key].param_type_name == "argument")
+
+
+@pytest.mark.parametrize("name", [name for name, entry in COMMANDS.items() if entry.under != CONFIG])
+def test_a_docstring_tells_what_python_takes_gives_and_raises(name: str) -> None:
+    function = getattr(tr, COMMANDS[name].word)
+    assert re.findall(r"^(\w+)\n-+$", function.__doc__, re.M) == [
+        "Parameters",
+        "Returns",
+        "Raises",
+        "Examples",
+    ]
+    assert not re.search(r"(?<![\w-])--[a-z]|repeatable|FILE", function.__doc__), "a word of the shell"
+    (shown,) = re.findall(r"^``(.+)``$", function.__doc__, re.M)
+    call = ast.parse(shown, mode="eval").body
+    assert isinstance(call, ast.Call)
+    given = [ast.literal_eval(value) for value in call.args]
+    named = {str(keyword.arg): ast.literal_eval(keyword.value) for keyword in call.keywords}
+    assert inspect.signature(function).bind(*given, **named)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_example_of_the_help_is_what_the_shell_takes(name: str) -> None:
+    entry, shell = COMMANDS[name], get_command(app)
+    program, *words = shlex.split(str(entry.words(*entry.example.args, **entry.example.kwargs)))
+    assert program == "tendonrepro"
+    for word in name.split():
+        assert words.pop(0) == word
+        shell = shell.commands[word]  # type: ignore[attr-defined]
+    assert shell.make_context(name, words).params
 
 
 @pytest.mark.parametrize("name", STUDIES)

@@ -3,14 +3,14 @@
 from pathlib import Path
 from typing import Annotated, Unpack
 
-from tendonrepro.studies.command import MANY_ARMS, study
+from tendonrepro.studies.command import MANY_ARMS, Example, study
 from tendonrepro.studies.parameters import Jobs, Laws, OnPlants, Word, drawn_from
 from tendonrepro.studies.study import Study
 
 __all__ = ["edits"]
 
 
-@study(MANY_ARMS, "tendonrepro edits --plants 64")
+@study(MANY_ARMS, Example(plants=64))
 def edits(
     plants: int = 256,
     *,
@@ -28,7 +28,7 @@ def edits(
     plants
         Plants on which every edit runs.
     laws
-        Edit your own controller instead of the paper's; repeatable. FILE is executed.
+        Edit your own controller instead of the paper's; its file is executed.
     errors
         Table of errors to explain [default: the paper's Table 2].
     """
