@@ -1,13 +1,10 @@
 """A study on many plants: what it is known by, what it tells, what it keeps."""
 
-from dataclasses import replace
-
 import pytest
 
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.console import Talk
 from tendonrepro.monte_carlo.kept import study_on_plants
-from tendonrepro.monte_carlo.plan import identity_of
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site
@@ -26,15 +23,3 @@ def test_a_start_that_comparisons_leave_out_is_told_where_it_counts(tmp_path, ca
     assert ("errors_from" in capsys.readouterr().err) == told
     assert folders == [tmp_path / study.keep]
     assert found.manifest["solver"]["name"] == COMPILED_STEPPER
-
-
-def test_what_was_kept_by_other_code_or_arguments_is_not_gone_on_with():
-    loaded = load_ensemble(None)
-    others = [
-        identity_of(loaded, "tuning"),
-        identity_of(loaded, seed=1),
-        identity_of(replace(loaded, sha256="other")),
-        identity_of(replace(loaded, base=replace(loaded.base, sha256="other"))),
-    ]
-    assert len({identity_of(loaded), *others}) == 5
-    assert identity_of(loaded) == identity_of(load_ensemble(None))

@@ -10,29 +10,26 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonrepro import __version__
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.models.control import unloaded_run
-from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.configuration.models.readings import PRINTED, Reading, parse_reading
 from tendonrepro.configuration.published import METRICS, published
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.user_law import UserLaw, refuse_memory, refused_on_lanes, with_user_laws
-from tendonrepro.files import digest_of
 from tendonrepro.identification.edits.rank import Outcomes
 from tendonrepro.identification.edits.recorded import EditedLaw
 from tendonrepro.identification.edits.report import APART, SCHEMA_VERSION, edits_result
 from tendonrepro.identification.edits.variants import Variants, controller_of, law_of, variants_of
 from tendonrepro.identification.goal import Goal, own_numbers, printed_numbers
 from tendonrepro.monte_carlo.evaluate import fill, record, still_missing, stub_of
-from tendonrepro.monte_carlo.plan import PLANTS_AT_ONCE, ROOMS, Piece, code_digest, cost_of
+from tendonrepro.monte_carlo.kept import study_on_plants
+from tendonrepro.monte_carlo.plan import PLANTS_AT_ONCE, Piece, cost_of, identity_of
 from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.parallel import as_ready, check_jobs
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.record_store import Records, RecordStore, RecordType
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.loop import Loop
-from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site, Study
@@ -120,15 +117,8 @@ class EditStudy:
     @cached_property
     def identity(self) -> str:
         """SHA-256 of all that a record depends on."""
-        return digest_of(
-            {
-                "version": __version__,
-                "code": code_digest(*ROOMS),
-                "config": [self.loaded.sha256, with_user_laws(self.loaded.base, self.laws).sha256],
-                "readings": [reading.name for reading in self.readings],
-                "edits": [*self.cells],
-            }
-        )
+        own = replace(self.loaded, base=with_user_laws(self.loaded.base, self.laws))
+        return identity_of(own, readings=[reading.name for reading in self.readings], edits=[*self.cells])
 
     @property
     def cost(self) -> dict[str, float]:
@@ -203,24 +193,18 @@ def edits_study(
     check_jobs(jobs)
     task = EditStudy(loaded, tuple(laws), goal_of(loaded, laws, errors), plants)
 
-    def run(site: Site) -> Result:
-        if seconds := errors_from(loaded.compare):
-            site.talk.note(f"errors_from, {seconds:g} s, is left aside: errors are of whole runs")
+    def run(site: Site, _: Path) -> Result:
         records = task.run(site, jobs)
         outcomes = {reading.name: task.outcomes(records, k) for k, reading in enumerate(task.readings)}
-        result = edits_result(task.variants, outcomes, int(loaded.config.seed.si))
-        solver = {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
-        head = {"experiment": "edits", "solver": solver, "ensemble_sha256": loaded.sha256}
-        return replace(result, manifest=head)
+        return edits_result(task.variants, outcomes, int(loaded.config.seed.si))
 
     base = with_user_laws(loaded.base, laws)
-    inputs = (*base.inputs, *([errors] if errors else []))
+    drawn = replace(loaded, base=replace(base, inputs=(*base.inputs, *([errors] if errors else []))))
+    study = study_on_plants("edits", drawn, task.identity, run, folder, cost=task.cost, stays=KEPT)
     numbers = [task.goal.runs, task.goal.values.tolist(), task.goal.half.tolist()]
-    decided_by = {"edits": task.identity, "plants": plants, "errors": numbers}
-    base = replace(base, sha256=digest_of(decided_by), origin=loaded.origin, inputs=inputs)
     told = f"edits: {len(task.variants.edits)} edits on {plants} plants"
     plan = {"schema_version": SCHEMA_VERSION, "experiment": "edits", "text": told}
-    return Study(base, run, folder, keep=KEPT, stays=True, stored=True, plan=plan, cost=task.cost)
+    return replace(study, decided_by={"plants": plants, "errors": numbers}, plan=plan)
 
 
 def goal_of(loaded: LoadedEnsemble, laws: Sequence[UserLaw], errors: Path | None) -> Goal:
