@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -86,6 +87,14 @@ def test_the_site_has_rows_for_each_long_table(makers: list[Any]) -> None:
         assert (
             len(pages.of_site(f"<!-- site: {name} -->\n<!-- end -->", known).splitlines()) == len(whole) + 4
         )
+
+
+def test_readme_has_its_answer_in_sixty_words(readings: dict[str, Row]) -> None:
+    """The share of the answer, then its picture, then the first command."""
+    text = README.read_text(encoding="utf-8")
+    read = re.sub(r"<!--.*?-->|\]\([^)]*\)", "", text)
+    assert percent(readings["printed"]["behind"]) in " ".join(read.split()[:60])
+    assert text.index("answer.png") < text.index("make figures")
 
 
 def test_claims_as_a_table_are_those_that_are_stored(makers: list[Any]) -> None:
