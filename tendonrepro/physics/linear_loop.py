@@ -149,8 +149,9 @@ def load_matrix(q: Array, plant: Plant, L: float) -> Array:
 class SampledLoop(NamedTuple):
     """A closed loop from one sample to the next: ``x[k+1] = A x[k] + B u[k]``, ``y[k] = C x[k] + D u[k]``.
 
-    It is linear about rest at a posture, for small errors, which need not stay small on a motion. Friction,
-    encoder steps, limits of the torque and clearance are left out. Quantities are deviations from that rest.
+    It is linear about rest at a posture, for small errors, which need not stay small on a motion. Friction of
+    the joints, dry friction, encoder steps, limits of the torque and clearance are left out; viscous friction
+    of the winches is not. Quantities are deviations from that rest.
 
     Attributes
     ----------
