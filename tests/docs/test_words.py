@@ -26,7 +26,7 @@ LIMITS = {
     "results.md": 2_370,
     "slips.md": 2_130,
     "tables.md": 1_250,
-    "theory.md": 1_780,
+    "theory.md": 1_540,
     "tune.md": 990,
     "tutorial.md": 1_270,
     "verdicts.md": 2_300,
