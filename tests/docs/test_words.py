@@ -24,7 +24,7 @@ LIMITS = {
     "python.md": 1_500,
     "recover.md": 820,
     "results.md": 2_370,
-    "slips.md": 2_130,
+    "slips.md": 1_890,
     "tables.md": 1_250,
     "theory.md": 1_540,
     "tune.md": 990,
