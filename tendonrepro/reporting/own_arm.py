@@ -210,8 +210,13 @@ def _tuned_text(told: Json) -> Iterator[str]:
     if "refused" in tuned:
         yield f"Tuned: not, {tuned['refused']}."
         return
-    names = ("smaller_error", "no_difference", "larger_error", "undecided")
-    counts = ", ".join(f"{name.replace('_', ' ')} {tuned[name]}" for name in names)
+    names = {
+        "smaller_error": "smaller error",
+        "no_difference": "alike",
+        "larger_error": "larger error",
+        "undecided": "undecided",
+    }
+    counts = ", ".join(f"{what} {tuned[name]}" for name, what in names.items())
     yield f"Tuned on {tuned['plants']} of them, α free: what α-TDE has beside TDE, in so many conditions:"
     yield f"  {counts}"
     for row in tuned["alpha"]:

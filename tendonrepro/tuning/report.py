@@ -30,11 +30,12 @@ QUESTIONS: tuple[tuple[str, str], ...] = (
     ("dob", "pid"),
     ("super_twisting", "pid"),
 )
-VERDICTS = SMALLER, NONE, LARGER, UNDECIDED = "smaller error", "no difference", "larger error", "undecided"
+VERDICTS = SMALLER, SAME_ERROR, LARGER, UNDECIDED = "smaller error", "alike", "larger error", "undecided"
 ALIKE = 0.1  # a difference below this, in logs, counts as none
 FEWEST = 8  # draws on which both laws must have gains, else all is undecided
 
-_COUNTED = *(name.replace(" ", "_") for name in VERDICTS), "agree"
+# Keys of results: the second counts what is alike.
+_COUNTED = "smaller_error", "no_difference", "larger_error", "undecided", "agree"
 _SHOWN = "law", "over", "median_ratio", "low", "high", "alone_median_ratio", *_COUNTED
 _KEY = "law", "condition", "alone", "cap", "draw"
 _COMPARED = "draws", "ratio", "low", "high", "scatter", "held_out", "verdict"
@@ -74,7 +75,7 @@ def _compared(both: Sequence[tuple[TunedRow, TunedRow]], seed: int) -> TunedRow:
     middle, (low, high) = np.median(logs), np.quantile(np.median(samples, axis=1), [0.025, 0.975])
     scatter = max(np.median([_miss(pair[k]) for pair in kept]) for k in (0, 1))
     if low >= -ALIKE and high <= ALIKE:
-        verdict = NONE if scatter <= ALIKE else UNDECIDED
+        verdict = SAME_ERROR if scatter <= ALIKE else UNDECIDED
     elif low <= 0.0 <= high or abs(middle) <= scatter:
         verdict = UNDECIDED
     else:

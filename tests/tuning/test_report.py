@@ -46,7 +46,7 @@ def rows(
     [
         (rows(0.5), "smaller error"),
         (rows(2.0), "larger error"),
-        (rows(0.98, spread=0.02), "no difference"),
+        (rows(0.98, spread=0.02), "alike"),
         (rows(0.98, scatter=0.2), "undecided"),
         (rows(0.98, spread=0.5), "undecided"),
         (rows(0.8, scatter=0.5), "undecided"),
@@ -55,7 +55,7 @@ def rows(
         (rows(0.5, alone=0.7), "smaller error"),
         (rows(0.5, alone=2.0), "undecided"),
         (rows(0.98, alone=0.85), "undecided"),
-        (rows(0.98, alone=1.03, scatter=0.08), "no difference"),
+        (rows(0.98, alone=1.03, scatter=0.08), "alike"),
     ],
 )
 def test_verdict(made: list[dict[str, Any]], verdict: str) -> None:
