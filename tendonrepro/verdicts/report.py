@@ -172,7 +172,7 @@ def details_text(verdict: Verdict) -> str:
         f"verdict: {verdict.verdict}{_marks(verdict)}",
         f"rule: {verdict.rule} ({verdict.kind}), see docs/verdicts.md",
         f"ours: {_ours(verdict)}",
-        f"made-up right papers that this rule contradicts: {_rate(verdict)}",
+        *_how_often_wrong(verdict),
         *_of_the_headline(verdict),
         f"depends on: {', '.join(verdict.depends_on) or 'nothing else'}",
         *_under_choices(verdict),
@@ -234,6 +234,13 @@ def _ours(verdict: Verdict, *, short: bool = False) -> str:
         share = _under(verdict, verdict.ours) if short else ours(verdict)
         return share + _opposite(verdict, opposite)
     return f"{ours(verdict)}, printed {verdict.printed}{unit_of(verdict)}"
+
+
+def _how_often_wrong(verdict: Verdict) -> list[str]:
+    """How often a right paper has this verdict; made-up papers tell it of a contradiction alone."""
+    rate = _rate(verdict)
+    told = verdict.verdict == "contradicted" and rate != NOTHING
+    return [f"made-up right papers that this rule contradicts: {rate}"] if told else []
 
 
 def _rate(verdict: Verdict) -> str:
