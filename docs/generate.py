@@ -172,20 +172,34 @@ def of_searches(found: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+ENDS = ("probability", "low", "high")
+"""Of an estimator: with all plants, and with some left out."""
+
+
 def of_tables(given: Mapping[str, Any]) -> dict[str, Any]:
     """How probable a changed equation is, given the tables: by what is compared and by which estimator."""
     ends: dict[str, dict[str, list[float]]] = {}
     for row in given["rows"]:
         kind = "kernel" if row["estimator"].startswith("kernel") else row["estimator"]
         own = ends.setdefault(f"{row['numbers']} {row['compared']}", {}).setdefault(kind, [])
-        own += [row["probability"], row["low"], row["high"]]
+        own += [row[key] for key in ENDS]
     estimators = [*dict.fromkeys(kind for kinds in ends.values() for kind in kinds)]
     cells = {
         compared: [reach(kinds[kind]).removesuffix(" %") if kind in kinds else "" for kind in estimators]
         for compared, kinds in ends.items()
     }
     between, *_, every = (sum(kinds.values(), []) for kinds in ends.values())
-    return {"given": given, "estimators": estimators, "compared": cells.items(), "between": between, "all": every}
+    without = given["without_the_nearest"]
+    fewer = [row[key] for row in without["rows"] if row["compared"] == given["rows"][-1]["compared"] for key in ENDS]
+    return {
+        "given": given,
+        "estimators": estimators,
+        "compared": cells.items(),
+        "between": between,
+        "all": every,
+        "without": without["names"],
+        "all_without": fewer,
+    }
 
 
 def of_papers(planted: Mapping[str, Any]) -> dict[str, Any]:

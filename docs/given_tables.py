@@ -8,6 +8,7 @@ in one table: each is a classifier of plants, and says what it makes of the publ
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -130,7 +131,16 @@ def given_tables(held: StableErrors, *, seed: int = 0) -> dict[str, Any]:
             for what, hits in counted.items()
         ],
         "nearest": {compared: float(sizes.min()) for compared, sizes in apart.items()},
+        "nearest_of": apart[ALL].reshape(len(names), each).min(axis=1).tolist(),
     }
+
+
+def without_the_nearest(held: StableErrors, given: Mapping[str, Any], count: int = 2) -> dict[str, Any]:
+    """The same rows without the interpretations whose plants come nearest: how much hangs on which are asked."""
+    by_distance = sorted(zip(given["nearest_of"], given["names"], strict=True))
+    dropped = [name for _, name in by_distance[:count]]
+    plants, errors = ({name: of[name] for name in of if name not in dropped} for of in (held.plants, held.errors))
+    return {"names": dropped, "rows": given_tables(replace(held, plants=plants, errors=errors))["rows"]}
 
 
 def estimated(make: Callable[[int], Any], X: Array, changed: Array, fold: Array, paper: Array) -> dict[str, float]:

@@ -109,10 +109,11 @@ def scatter_of_repeats(ensemble: EnsembleData) -> dict[str, float]:
 def store_rates(held: StableErrors) -> None:
     """Store what follows from the errors of stable plants."""
     # Only who makes stored results has the library.
-    from given_tables import given_tables
+    from given_tables import given_tables, without_the_nearest
 
     store("planted.json", planted_record(held))
-    store("given.json", given_tables(held))
+    given = given_tables(held)
+    store("given.json", given | {"without_the_nearest": without_the_nearest(held, given)})
 
 
 if __name__ == "__main__":

@@ -10,12 +10,12 @@ from tendonrepro.arrays import Array
 NOISE = 0.02
 """Relative noise of a run's errors on a joint, one standard deviation.
 
-Simulated runs as published scatter by 1.3 %, root mean square, when masses move by a millionth, and nine of
-ten by less than 1.2 %. The paper shows no repeated run.
+Assumed, as the paper shows no repeated run. Simulated runs as published scatter about as much, root mean
+square, when masses move by a millionth (docs/results/repeats.json).
 """
 
 NOISE_OF_SHAPE = 0.25
-"""Noise of RMSE/MAE over `NOISE`: in those repeats it scatters by 0.5 %."""
+"""Noise of RMSE/MAE over `NOISE`, assumed; in those repeats it is about a third."""
 
 
 def with_noise(errors: Array, noise: float, rng: np.random.Generator) -> Array:

@@ -169,7 +169,7 @@ def test_words_for_shares(readings: dict[str, Row], claims: dict[str, Any]) -> N
         for metric in ("mae", "rmse"):
             behind = claims[f"share.controller_1_of_2.{metric}.{joint}"]["evidence"]["direction"]
             assert behind["share"] < 0.05
-    assert extrapolating["first"] > 0.95
+    assert extrapolating["first"] > 0.9
     assert printed["first"] < 0.01
     assert readings[BOTH]["order"] > 0.8
     for name in ("starts=apart", "reference_acceleration=absent+starts=apart", "run_friction=drawn"):

@@ -16,7 +16,7 @@ LIMITS = {
     "configs.md": 1_840,
     "dataset.md": 1_550,
     "findings.md": 1_300,
-    "how_often_wrong.md": 480,
+    "how_often_wrong.md": 490,
     "index.md": 130,
     "notation.md": 1_450,
     "own_arm.md": 800,
@@ -47,3 +47,7 @@ def test_every_page_has_a_limit() -> None:
 @pytest.mark.parametrize("page", LIMITS)
 def test_page_is_within_its_limit(page: str) -> None:
     assert WORDS[page] <= LIMITS[page]
+
+
+def test_all_pages_together_are_within_theirs() -> None:
+    assert sum(WORDS.values()) <= 28_000
