@@ -376,8 +376,8 @@ def _changed(views: Mapping[str, View], postures: Array) -> Change:
 def steadied_by(loaded: LoadedConfig) -> dict[str, float | None]:
     """Factor on each of two keys from which on all runs are stable.
 
-    Smaller gains and more damping of the tendons steady a loop. Powers of two up to 128 are tried, and None
-    says that none does.
+    A smaller M_bar and more damping of the tendons steady most loops, a larger M_bar those where it is too
+    small. Powers of two up to 128 are tried, and None says that none does.
     """
     config = loaded.config
     assert isinstance(config, CompareConfig)
@@ -395,7 +395,7 @@ def steadied_by(loaded: LoadedConfig) -> dict[str, float | None]:
     return {
         "control.gains.M_bar": first(
             lambda view, factor: view._replace(law=view.law._replace(M_bar=factor * view.law.M_bar)),
-            [1.0 / power for power in powers],
+            [*(1.0 / power for power in powers), *powers],
         ),
         "manipulator.tendons.damping_factor": first(
             lambda view, factor: view._replace(plant=with_tendons(view.plant, 1.0, factor)), powers

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
@@ -148,7 +148,8 @@ def _found(name: str, data: Mapping[str, Any], loaded: LoadedConfig) -> Json:
         (arms,) = data["populations"].values()
         pairs = [row for row in arms["pairs"] if (row["run"], row["over"]) == (FIRST, SECOND)]
         own = [row for row in pairs if row["reading"] == PRINTED]
-        return {"around": {"told": data["around"]["told"], "arms": arms["plants"], "pairs": own}}
+        around = {"told": data["around"]["told"], "arms": arms["plants"], "pairs": own}
+        return {"around": around, "helps": helps(own)}
     if name == "tune":
         (question,) = data["questions"]
         alphas = [row for row in data["alpha"] if not row["alone"]]
@@ -156,22 +157,66 @@ def _found(name: str, data: Mapping[str, Any], loaded: LoadedConfig) -> Json:
     return {}
 
 
+def helps(pairs: Sequence[Mapping[str, float]]) -> str:
+    """Whether α-TDE errs less than TDE around an arm.
+
+    Parameters
+    ----------
+    pairs : sequence of mapping
+        Of Controller 1 over Controller 2, one a joint: ``arms`` on which both are stable, and
+        ``ratio_low`` and ``ratio_high``, between which lie 90 % of the ratios of their errors.
+
+    Returns
+    -------
+    {'yes', 'no', 'undecided'}
+        The first two where the central 90 % lie on one side of 1 on every joint.
+    """
+    if any(not row["arms"] for row in pairs):
+        return "undecided"
+    if all(row["ratio_high"] < 1.0 for row in pairs):
+        return "yes"
+    return "no" if all(row["ratio_low"] > 1.0 for row in pairs) else "undecided"
+
+
+HELPS = {
+    "yes": "Yes: it errs less than TDE on nearly all arms around yours",
+    "no": "No: it errs more than TDE on nearly all arms around yours",
+    "undecided": "Undecided: that depends on the arm or the joint",
+}
+
+
 def own_text(told: Json) -> str:
     """The answer in words, α-TDE being Controller 1 and TDE Controller 2."""
-    return "\n".join([*_stable_text(told), *_compared_text(told), *_around_text(told), *_tuned_text(told)])
+    return "\n".join(
+        [
+            *_helps_text(told),
+            *_stable_text(told),
+            *_compared_text(told),
+            *_around_text(told),
+            *_tuned_text(told),
+        ]
+    )
+
+
+def _helps_text(told: Json) -> Iterator[str]:
+    if "helps" in told:
+        yield (
+            f"Does α-TDE help? {HELPS[told['helps']]}, with your gains, equal friction, and runs that "
+            "start as in your file."
+        )
 
 
 def _stable_text(told: Json) -> Iterator[str]:
     if not told["unstable"]:
         slowest = min(told["decay"].values())
-        yield f"Stable: yes, every run; the slowest mode decays by {slowest:.3g} a second."
+        yield f"Stable: yes, every loop, linearised; the slowest mode decays by {slowest:.3g} a second."
         return
     yield f"Stable: no, {', '.join(told['unstable'])} {'grow' if told['unstable'][1:] else 'grows'}."
     ways = [f"{key} {factor:g} times yours" for key, factor in told["steadied_by"].items() if factor]
     yield (
         f"All are with {', or with '.join(ways)}."
         if ways
-        else ("Lower control.gains.M_bar and give the tendons more damping, both: one of them is not enough.")
+        else "Neither another control.gains.M_bar nor more damping of the tendons is enough alone."
     )
     if "around" not in told:
         yield "Arms around it are not asked until then."
@@ -180,7 +225,13 @@ def _stable_text(told: Json) -> Iterator[str]:
 def _compared_text(told: Json) -> Iterator[str]:
     sizes, status = told["compared"]["mae_deg"], told["compared"]["status"]
     if any(word != "ok" for word in status.values()):
-        yield "Compared: " + ", ".join(f"{run} is {word}" for run, word in status.items()) + "."
+        ends = ", ".join(f"{run} is {word}" for run, word in status.items())
+        near = (
+            ""
+            if told["unstable"]
+            else " Stable loops that do so are near their limit: give them more margin."
+        )
+        yield f"Compared: {ends} in the run.{near}"
         return
     yield "Compared, mean error of α-TDE (Controller 1) and of TDE (Controller 2):"
     for joint, first, second in zip(told["joints"], sizes[FIRST], sizes[SECOND], strict=True):
@@ -196,10 +247,11 @@ def _around_text(told: Json) -> Iterator[str]:
         if not row["arms"]:
             yield f"  joint {row['joint']}: on none are both stable"
             continue
-        more = row["arms"] - round(row["share_smaller"] * row["arms"])
+        less = round(row["share_smaller"] * row["arms"])
         yield (
             f"  joint {row['joint']}: α-TDE errs {row['ratio']:.2f} times TDE, {row['ratio_low']:.2f} to "
-            f"{row['ratio_high']:.2f}; it errs more on {more} of {row['arms']} where both are stable"
+            f"{row['ratio_high']:.2f}; both are stable on {row['arms']} of {around['arms']}, "
+            f"it errs less on {less}"
         )
 
 

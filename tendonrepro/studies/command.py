@@ -44,7 +44,7 @@ DATA, RESULT, CONFIG = "data", "result", "config"
 GROUPS = {
     DATA: "Measured data: fetch, inspect, ingest, validate, recover.",
     RESULT: "Stored results: redraw, animate, export, diff.",
-    CONFIG: "Configurations: list, show, copy, check, schema.",
+    CONFIG: "Configurations: list, show, init, check, schema.",
 }
 """Groups of commands, and what is in them."""
 

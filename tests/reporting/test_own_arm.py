@@ -48,6 +48,7 @@ def test_it_says_what_its_studies_found(told: Any, place: Path) -> None:
     own = pairs[(pairs["run"] == FIRST) & (pairs["over"] == SECOND)]
     assert [row["ratio"] for row in found["around"]["pairs"]] == pytest.approx(own["ratio"].tolist())
     assert [row["arms"] for row in found["around"]["pairs"]] == [64, 64]
+    assert found["helps"] == "no"
     # Around an arm whose values are known to 20 % it errs as on that arm.
     for first, second, row in zip(*found["compared"]["mae_deg"].values(), own["ratio"], strict=True):
         assert first / second == pytest.approx(row, abs=0.02)
@@ -59,6 +60,26 @@ def test_each_part_is_made_again_by_its_own_command(told: Any, place: Path) -> N
         assert again[1] == name
         assert answer(*again[1:], "--dry-run", cwd=place)["out"] == told[name]["out"]
     assert (place / told["live"]).exists()
+
+
+@pytest.mark.parametrize(
+    ("ends", "helps"),
+    [
+        ([(0.9, 0.95), (0.8, 0.99)], "yes"),
+        ([(1.08, 1.12), (1.01, 1.3)], "no"),
+        ([(1.08, 1.12), (0.9, 0.95)], "undecided"),
+        ([(1.0, 1.0), (1.0, 1.0)], "undecided"),
+        ([(0.9, 1.1)], "undecided"),
+        ([(1.08, 1.12), None], "undecided"),
+    ],
+)
+def test_it_helps_where_it_errs_less_on_nearly_all_arms(ends: Any, helps: str) -> None:
+    """A controller with α = 0 is plain TDE: their ratio is one, and nobody errs more."""
+    rows = [
+        {"arms": 64, "ratio_low": end[0], "ratio_high": end[1]} if end else {"arms": 0, "ratio_low": None}
+        for end in ends
+    ]
+    assert own_arm.helps(rows) == helps
 
 
 @pytest.mark.slow
