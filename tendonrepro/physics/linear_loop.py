@@ -180,6 +180,11 @@ class SampledLoop(NamedTuple):
     D: Array
     dt: float
 
+    def __repr__(self) -> str:
+        """Sizes alone: the matrices fill pages."""
+        (states, inputs), outputs = self.B.shape, len(self.C)
+        return f"SampledLoop({states} states, {inputs} inputs, {outputs} outputs, dt={self.dt:g} s)"
+
 
 def sampled_loop(q: Array, plant: Plant, law: Law, delay: int = 0) -> SampledLoop:
     """Closed loop at posture ``q``, rad, with loads and the desired motion as its inputs."""

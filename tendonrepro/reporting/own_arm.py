@@ -108,6 +108,8 @@ def answer_own(studies: Studies, out: Path, talk: Talk, *, force: bool) -> Answe
             told["tuned"] = {"refused": error.message}
             continue
         told |= _found(name, done[name].data, comparison(studies))
+        if name == "compare" and (result := done[name].value):
+            told["remarks"] = [part for part in result.parts if isinstance(part, str)]
     page = page_beside(out / PAGE, comparison(studies), talk, force=force)
     results = {name: answer.value for name, answer in done.items() if answer.value}
     parts = [own_text(told), f"Results are in {out}, the arm in a browser is {page['path']}"]
@@ -236,6 +238,7 @@ def _compared_text(told: Json) -> Iterator[str]:
     yield "Compared, mean error of α-TDE (Controller 1) and of TDE (Controller 2):"
     for joint, first, second in zip(told["joints"], sizes[FIRST], sizes[SECOND], strict=True):
         yield f"  joint {joint}: {first:.3f} and {second:.3f} degrees, {first / second:.2f} times"
+    yield from told["remarks"]
 
 
 def _around_text(told: Json) -> Iterator[str]:
@@ -262,15 +265,15 @@ def _tuned_text(told: Json) -> Iterator[str]:
     if "refused" in tuned:
         yield f"Tuned: not, {tuned['refused']}."
         return
-    names = {
-        "smaller_error": "smaller error",
-        "no_difference": "alike",
-        "larger_error": "larger error",
-        "undecided": "undecided",
-    }
-    counts = ", ".join(f"{what} {tuned[name]}" for name, what in names.items())
-    yield f"Tuned on {tuned['plants']} of them, α free: what α-TDE has beside TDE, in so many conditions:"
-    yield f"  {counts}"
+    names = ("smaller_error", "larger_error", "no_difference", "undecided")
+    counts = [tuned[name] for name in names]
+    less, more, alike, undecided = counts
+    yield (
+        f"Tuned on {tuned['plants']} of them, α free: of {sum(counts)} conditions α-TDE errs less under "
+        f"{less}, more under {more}, alike under {alike}; {undecided} are undecided."
+    )
     for row in tuned["alpha"]:
-        share = f"{row['share_without_effect']:.0%}"
-        yield f"  {row['condition']}: the best α has no effect in {share} of {row['cases']} cases"
+        yield (
+            f"  {row['condition']}: the best α is {row['alpha_median']:.2g}, the median of {row['cases']} "
+            f"searches; in {row['share_without_effect']:.0%} of them α changes nothing"
+        )

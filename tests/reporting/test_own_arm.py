@@ -49,6 +49,8 @@ def test_it_says_what_its_studies_found(told: Any, place: Path) -> None:
     assert [row["ratio"] for row in found["around"]["pairs"]] == pytest.approx(own["ratio"].tolist())
     assert [row["arms"] for row in found["around"]["pairs"]] == [64, 64]
     assert found["helps"] == "no"
+    parts = tr.open(place / "reports/own/compare").parts
+    assert found["remarks"] == [part for part in parts if isinstance(part, str)]
     # Around an arm whose values are known to 20 % it errs as on that arm.
     for first, second, row in zip(*found["compared"]["mae_deg"].values(), own["ratio"], strict=True):
         assert first / second == pytest.approx(row, abs=0.02)
