@@ -7,6 +7,7 @@ from pathlib import Path
 
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import METRICS
+from tendonrepro.configuration.shown import STARTS_APART
 from tendonrepro.console import columns
 from tendonrepro.experiments.run import CLOSEST
 from tendonrepro.files import Json, shipped
@@ -41,14 +42,15 @@ def _answer(data: Mapping[str, Json]) -> str:
         told += f"; in the paper {_ratio(printed):.2f} times"
     if CLOSEST not in data:
         return f"{told}."
-    row = read_shown(shipped("docs/results")).box[PRINTED]
+    box = read_shown(shipped("docs/results")).box
+    row, apart = box[PRINTED], percent(box[STARTS_APART]["behind"])
     share = f"{percent(row['behind'])} of {row['plants']:,.0f} stable arms"
     return "\n".join(
         (
             "Is α-TDE (Controller 1) better than TDE (Controller 2)? One run of each cannot tell.",
             f"{told}.",
-            f"With equal starts and friction it errs more on {share}, in the study that is stored.",
-            "Unequal starts can hide that. The fitted arm has them, so that it agrees proves nothing.",
+            f"In the stored study it errs more on {share}, with equal starts and friction;",
+            f"with starts up to 2° off on {apart}. The fitted arm has such starts: that proves nothing.",
         )
     )
 

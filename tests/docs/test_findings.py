@@ -126,6 +126,13 @@ def _within(inner: Any, outer: Any) -> bool:
     return bool((inner.min >= outer.min).all() and (inner.max <= outer.max).all())
 
 
+def test_the_motions_that_were_asked_are_named() -> None:
+    amplitude = load_ensemble(None).config.box.amplitude
+    assert (float(amplitude.low), float(amplitude.high)) == (10.0, 45.0)
+    for page in (DOCS.parent / "README.md", DOCS / "findings.md"):
+        assert "smooth motions of 10° to 45°" in page.read_text(encoding="utf-8")
+
+
 def test_words_of_the_tuning() -> None:
     """What tune.md says without a number: no α-TDE beats TDE, nor the reverse, nor PID."""
     found = stored("tune")
