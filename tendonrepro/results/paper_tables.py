@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
 
+from tendonrepro.configuration.models.control import FIRST
 from tendonrepro.configuration.published import METRICS, PrintedNumber, PrintedRatio, published
 from tendonrepro.physics.metrics import START
 from tendonrepro.results import summary
 from tendonrepro.results.paper import beside, fitted_under, of_paper
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.summary import CONTROLLERS, Sizes
+from tendonrepro.results.summary import Sizes
 from tendonrepro.results.tables import Table, TableColumns, rounded
 
 TableRow: TypeAlias = dict[str, object]
@@ -55,9 +56,6 @@ COLUMNS: TableColumns = {
     "at_s": ("at (s)", ".3f"),
     "slack_s": ("Not pulling (s)", ".3f"),
     "status": ("Status", ""),
-    "errors": ("Error", ""),
-    "order": ("Controllers, smallest first", ""),
-    "as_published": ("Order 1, 2, 3 of the paper", ""),
     "quantity": ("Quantity", ""),
     "printed_as": ("Printed as", ""),
     "printed": ("Magnitude printed", "z.4f"),
@@ -67,47 +65,77 @@ COLUMNS: TableColumns = {
 """Heading and format of every column, in the order of tables; ``{joints}`` stands for ``2/3``, ``{seconds}``
 for the start that is left out."""
 
+_PLAUSIBLE = "; plausible: central 90 % of the stable plants"
+_OF_MOTORS = "; errors of the motors, at whose encoders the law looks, in joint coordinates"
+_MOTORS = "Torque of the motors along the runs, in joint coordinates, and tension of the joints' tendons"
+
 
 def made_tables(file: TraceFile) -> list[Table]:
     """Tables that the runs allow; those without rows and columns without values are left out."""
     origin = f"{file.source}, config {file.config_sha256[:12]}"
     if under := fitted_under(file):
         origin += f", fitted to the print under {under}"
-    made = []
-    for experiment, tables in _TABLES.items():
-        part = file.part(experiment)
-        if not part.runs:
-            continue
-        joints = "/".join(map(str, next(iter(part.runs.values())).joint))
-        seconds = left_out(part)
-        over = f"from {seconds:g} s on" if seconds else "over the whole run"
-        heads = {"joints": joints, "seconds": seconds or START}
-        for name, table in tables.items():
-            rows = list(table.rows(part))
-            if rows:
-                about = (table.caption if of_paper(part) else table.own_caption or table.caption).format(
-                    over=over
-                )
-                about += _OF_MOTORS * (
-                    name in _OF_ERRORS and any(run.of_motors for run in part.runs.values())
-                )
-                about += _PLAUSIBLE * any(column in _OF_RANGES for row in rows for column in row)
-                caption, printed = f"{about} ({origin}).", None
-                if table.printed is not None:
-                    cells = list(table.printed(part))
-                    printed = Table(name, caption, cells, _columns_of(cells, heads))
-                shown = None if table.in_terminal else ()
-                made.append(Table(name, caption, rows, _columns_of(rows, heads), shown, printed=printed))
-    return made
+    tables = [*_of_decoupling(file.part("decouple")), *_of_comparison(file.part("compare"))]
+    return [replace(table, caption=f"{table.caption} ({origin}).") for table in tables if table.rows]
 
 
-def _columns_of(rows: Sequence[TableRow], heads: Mapping[str, object]) -> TableColumns:
-    """Those of `COLUMNS` in which some row has a value, with their headings filled in."""
-    return {
-        column: (heading.format(**heads), form)
+def _of_decoupling(file: TraceFile) -> Iterator[Table]:
+    if not file.runs:
+        return
+    coupling = "Ratios of diameters, and the coupling matrices"
+    differences = "Calculated minus measured joint angles"
+    if of_paper(file):
+        coupling = "Table 1 and the coupling matrices of section 5.2"
+        differences += ", Figs 10 to 12"
+    yield _table(file, "table1", coupling, coupling_rows(file))
+    yield _table(file, "decoupling_errors", differences, decoupling_rows(file))
+    yield replace(_table(file, "decoupling_torque", _MOTORS, motor_rows(file)), terminal=())
+
+
+def _of_comparison(file: TraceFile) -> Iterator[Table]:
+    if not file.runs:
+        return
+    over = f"from {left_out(file):g} s on" if left_out(file) else "over the whole run"
+    compared, loaded = summary.compared_runs(file), summary.loaded_runs(file)
+    titles = {name: summary.run_title(run) for name, run in compared.items()}
+    titles |= {load: load.replace("_", " ").capitalize() for load in loaded}
+    if of_paper(file):
+        titles[FIRST] = "Proposed (Controller 1)"
+    loads = "tracking errors of Controller 1 without and with payload,"
+    for name, key, about, runs in (
+        ("table2", "run", "tracking errors", compared),
+        ("table3", "load", loads, loaded),
+    ):
+        rows = [
+            {key: run} | row
+            for run, trace in runs.items()
+            for row in _by_joint(trace, error_columns(file, trace))
+        ]
+        caption = f"{about} {over}{_of_motors(file)}"
+        caption = f"Table {name[-1]}, {caption}" if of_paper(file) else caption[0].upper() + caption[1:]
+        caption += _PLAUSIBLE * any("mae_low_deg" in row for row in rows)
+        printed = [{"paper_row": titles[run]} | _as_printed(file, trace) for run, trace in runs.items()]
+        yield replace(_table(file, name, caption, rows), printed=_table(file, name, caption, printed))
+    about = f"Tracking errors of the whole run, and without its start{_of_motors(file)}"
+    yield _table(file, "without_start", about, start_rows(file))
+    yield _table(file, "torque", _MOTORS, motor_rows(file))
+
+
+def _of_motors(file: TraceFile) -> str:
+    """What a caption says where the law looks at the motors' encoders."""
+    return _OF_MOTORS * any(run.of_motors for run in file.runs.values())
+
+
+def _table(file: TraceFile, name: str, caption: str, cells: Iterable[TableRow]) -> Table:
+    """A table of those `COLUMNS` in which some row has a value, with their headings filled in."""
+    rows = list(cells)
+    joints = "/".join(map(str, next(iter(file.runs.values())).joint))
+    columns = {
+        column: (heading.format(joints=joints, seconds=left_out(file) or START), form)
         for column, (heading, form) in COLUMNS.items()
         if any(row.get(column) is not None for row in rows)
     }
+    return Table(name, caption, rows, columns)
 
 
 def table_data(file: TraceFile) -> dict[str, object]:
@@ -227,63 +255,19 @@ def decoupling_rows(file: TraceFile) -> Iterator[TableRow]:
         yield from _by_joint(trace, _columns(summary.decoupling_errors(trace)))
 
 
-def _error_rows(file: TraceFile, key: str, runs: Mapping[str, Trace]) -> Iterator[TableRow]:
-    """`error_columns` per run and joint; the run's name under a key."""
-    for name, trace in runs.items():
-        for row in _by_joint(trace, error_columns(file, trace)):
-            yield {key: name} | row
-
-
-def controller_rows(file: TraceFile) -> Iterator[TableRow]:
-    """Table 2 per ``run`` and joint."""
-    return _error_rows(file, "run", summary.compared_runs(file))
-
-
-def load_rows(file: TraceFile) -> Iterator[TableRow]:
-    """Table 3 per ``load`` and joint."""
-    return _error_rows(file, "load", summary.loaded_runs(file))
-
-
-def paper_controller_rows(file: TraceFile) -> Iterator[TableRow]:
-    """Table 2 as the paper lays it out; see `_as_printed`."""
-    proposed = {CONTROLLERS[0]: "Proposed (Controller 1)"} if of_paper(file) else {}
-    runs = summary.compared_runs(file).values()
-    return _as_printed(file, {proposed.get(run.name, summary.run_title(run)): run for run in runs})
-
-
-def paper_load_rows(file: TraceFile) -> Iterator[TableRow]:
-    """Table 3 as the paper lays it out; see `_as_printed`."""
-    runs = summary.loaded_runs(file)
-    return _as_printed(file, {load.replace("_", " ").capitalize(): trace for load, trace in runs.items()})
-
-
-def _as_printed(file: TraceFile, runs: Mapping[str, Trace]) -> Iterator[TableRow]:
-    """A row per title, each cell ``joint 2/joint 3`` and rounded as printed."""
-    for title, trace in runs.items():
-        cells: TableRow = {"paper_row": title, "status": trace.told_status}
-        columns = _lists(error_columns(file, trace))
-        for metric in METRICS:
-            for which in ("", "_printed"):
-                if sizes := columns.get(f"{metric}{which}_deg"):
-                    cells[f"{metric}{which}_pair"] = "/".join(rounded(size, "z.3f") for size in sizes)
-            if low := columns.get(f"{metric}_low_deg"):
-                ends = zip(low, columns[f"{metric}_high_deg"], strict=True)
-                cells[f"{metric}_plausible_pair"] = "/".join(f"{a:.2g}-{b:.2g}" for a, b in ends)
-        yield cells
-
-
-_ORDER = {True: "holds", False: "does not hold"}
-
-
-def ranking_rows(file: TraceFile) -> Iterator[TableRow]:
-    """``errors``, ``order``, ``as_published`` of each joint and metric; see `ranking`."""
-    for joint, metrics in summary.ranking(file).items():
-        for metric, ranks in metrics.items():
-            yield {
-                "errors": f"{metric.upper()}, {joint.replace('_', ' ')}",
-                "order": ", ".join(run.removeprefix("controller_") for run in ranks["order"]),
-                "as_published": None if ranks["agrees"] is None else _ORDER[ranks["agrees"]],
-            }
+def _as_printed(file: TraceFile, trace: Trace) -> TableRow:
+    """Errors of a run as the paper prints them, each cell ``joint 2/joint 3``."""
+    all_ok = all(run.status == "ok" for run in file.runs.values())
+    cells: TableRow = {"status": None if all_ok else trace.told_status}
+    columns = _lists(error_columns(file, trace))
+    for metric in METRICS:
+        for which in ("", "_printed"):
+            if sizes := columns.get(f"{metric}{which}_deg"):
+                cells[f"{metric}{which}_pair"] = "/".join(rounded(size, "z.3f") for size in sizes)
+        if low := columns.get(f"{metric}_low_deg"):
+            ends = zip(low, columns[f"{metric}_high_deg"], strict=True)
+            cells[f"{metric}_plausible_pair"] = "/".join(f"{a:.2g}-{b:.2g}" for a, b in ends)
+    return cells
 
 
 def motor_rows(file: TraceFile) -> Iterator[TableRow]:
@@ -299,64 +283,3 @@ def _by_joint(trace: Trace, columns: Sizes) -> Iterator[TableRow]:
     for place, joint in enumerate(trace.joint):
         numbers = {name: float(values[place]) for name, values in columns.items()}
         yield {"joint": joint, "status": trace.told_status} | numbers
-
-
-_PLAUSIBLE = "; plausible: central 90 % of the stable plants"
-_OF_RANGES = {f"{metric}_{column}" for metric in METRICS for column in ("plausible_pair", "low_deg")}
-"""Columns that a caption explains so."""
-_OF_ERRORS = ("table2", "table3", "without_start", "ranking")
-"""Tables of tracking errors."""
-_OF_MOTORS = "; errors of the motors, at whose encoders the law looks, in joint coordinates"
-_RANKING = "Controllers by size of error; between two that diverged there is no order"
-_LOADS = "tracking errors of Controller 1 without and with payload"
-_MOTORS = "Torque of the motors along the runs, in joint coordinates, and tension of the joints' tendons"
-
-
-@dataclass(frozen=True)
-class PaperTable:
-    """What makes the rows of a table of an experiment, and what stands above them.
-
-    `own_caption` is that where the arm is not the paper's, if another; the names of files stay. `printed`
-    makes rows as the paper lays them out, for Markdown, LaTeX and the terminal.
-    """
-
-    rows: Callable[[TraceFile], Iterator[TableRow]]
-    caption: str
-    own_caption: str = ""
-    in_terminal: bool = True
-    printed: Callable[[TraceFile], Iterator[TableRow]] | None = None
-
-
-_TABLES: Mapping[str, Mapping[str, PaperTable]] = {
-    "decouple": {
-        "table1": PaperTable(
-            coupling_rows,
-            "Table 1 and the coupling matrices of section 5.2",
-            "Ratios of diameters, and the coupling matrices",
-        ),
-        "decoupling_errors": PaperTable(
-            decoupling_rows,
-            "Calculated minus measured joint angles, Figs 10 to 12",
-            "Calculated minus measured joint angles",
-        ),
-        "decoupling_torque": PaperTable(motor_rows, _MOTORS, in_terminal=False),
-    },
-    "compare": {
-        "table2": PaperTable(
-            controller_rows,
-            "Table 2, tracking errors {over}",
-            "Tracking errors {over}",
-            printed=paper_controller_rows,
-        ),
-        "table3": PaperTable(
-            load_rows,
-            f"Table 3, {_LOADS}, {{over}}",
-            f"{_LOADS.capitalize()}, {{over}}",
-            printed=paper_load_rows,
-        ),
-        "without_start": PaperTable(start_rows, "Tracking errors of the whole run, and without its start"),
-        "ranking": PaperTable(ranking_rows, f"{_RANKING}; errors {{over}}"),
-        "torque": PaperTable(motor_rows, _MOTORS),
-    },
-}
-"""By experiment and name."""
