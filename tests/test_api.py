@@ -130,7 +130,7 @@ def test_a_result_tells_itself_in_a_line(found: tr.Result) -> None:
 
 def test_a_study_is_a_result(tmp_path: Path) -> None:
     found = tr.statics()
-    assert found.tables["statics"]["course"].unique().tolist() == list(found.data["courses"])
+    assert found.tables["statics"].to_dict("records") == list(found.data["tensions"])
     assert (found.save(tmp_path / "statics") / "statics.json").exists()
 
 

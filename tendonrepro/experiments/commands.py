@@ -79,8 +79,8 @@ def statics(
     The configuration may be of either experiment: its arm and posture alone matter.
     """
     from tendonrepro.configuration.load import load_config
+    from tendonrepro.experiments.report import statics_result
     from tendonrepro.experiments.statics import survey
-    from tendonrepro.experiments.statics_report import statics_result
 
     loaded = load_config(config or "decouple", None, overrides=set, seed=seed)
     return Study(loaded, lambda _: statics_result(survey(loaded)), folder)
