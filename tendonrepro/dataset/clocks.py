@@ -94,8 +94,8 @@ def even_step(time: Array) -> float:
     return slope
 
 
-def rows_of(table: Columns, run: RunMapping) -> tuple[NDArray[np.bool_], list[str]]:
-    """Rows that a run takes by `where`, and a note on the others.
+def rows_of(table: Columns, run: RunMapping) -> NDArray[np.bool_]:
+    """Rows that a run takes by `where`.
 
     Raises
     ------
@@ -107,8 +107,7 @@ def rows_of(table: Columns, run: RunMapping) -> tuple[NDArray[np.bool_], list[st
         if column not in table:
             raise ConfigError(f"{table.name} has no column {column!r}")
         rows &= table[column] == wanted
-    others = int((~rows).sum())
-    return rows, [f"{others} of {len(rows)} rows are not those of where"] if others else []
+    return rows
 
 
 def times_of(
@@ -125,70 +124,47 @@ def times_of(
         hint = "give its column of times the line 'NAME: time s', or the run 'step_s: 0.001'"
         raise ConfigError(f"{table.name} has no times", hint=hint)
     notes: list[str] = []
-    time = np.arange(float(rows.sum()))
-    if clock is not None:
-        time = uses[clock].in_si(table[clock][rows])
-        if absent := int((~np.isfinite(time)).sum()):
-            time = np.where(np.isfinite(time), time, np.nan)
-            notes.append(f"{absent} of {len(time)} rows have no time and are left out")
-    time, told = _part(time, run, table.name)
-    notes += told
+    time = np.arange(float(rows.sum())) if clock is None else uses[clock].in_si(table[clock][rows])
+    time[~np.isfinite(time)] = np.nan
+    if run.part is not None:
+        places = np.flatnonzero(np.isfinite(time))
+        edges = [0, *starts_again(time).tolist(), len(places)]
+        if run.part >= len(edges):
+            message = (
+                f"the time of {table.name} starts again {len(edges) - 2} times: there is no part {run.part}"
+            )
+            raise ConfigError(message, hint=f"parts are counted from 1 to {len(edges) - 1}")
+        time[places[: edges[run.part - 1]]] = time[places[edges[run.part] :]] = np.nan
     if run.step_s is not None:
         known = np.isfinite(time)
-        if clock is not None:
-            notes.append(f"times are made from step_s, not from {clock!r}")
         time = np.where(known, run.step_s * (np.cumsum(known) - 1.0), np.nan)
-    outside = (time < run.from_s) | (time > run.to_s)
-    if outside.any():
-        notes.append(f"{int(outside.sum())} of {len(time)} rows lie outside from_s to to_s")
-        time[outside] = np.nan
+        notes += [f"times are made from step_s, not from {clock!r}"] if clock is not None else []
+    time[(time < run.from_s) | (time > run.to_s)] = np.nan
     return time, notes + _checked(time, table.name, run)
 
 
-def _part(time: Array, run: RunMapping, table: str) -> tuple[Array, list[str]]:
-    """Times of one stretch, NaN elsewhere."""
-    if run.part is None:
-        return time, []
-    places = np.flatnonzero(np.isfinite(time))
-    edges = [0, *starts_again(time).tolist(), len(places)]
-    if run.part >= len(edges):
-        message = f"the time of {table} starts again {len(edges) - 2} times: there is no part {run.part}"
-        raise ConfigError(message, hint=f"parts are counted from 1 to {len(edges) - 1}")
-    kept = places[edges[run.part - 1] : edges[run.part]]
-    times = np.full_like(time, np.nan)
-    if not kept.size:
-        # `where` takes no row, which is said of all such runs.
-        return times, []
-    times[kept] = time[kept]
-    return times, [f"part {run.part}: rows {kept[0] + 1} to {kept[-1] + 1} of {len(time)}"]
-
-
 def _checked(time: Array, table: str, run: RunMapping) -> list[str]:
-    """Notes on gaps."""
-    known = np.flatnonzero(np.isfinite(time))
-    kept = time[known]
+    """Notes on gaps; a ConfigError where times go back, repeat, or are fewer than two."""
+    kept = time[np.isfinite(time)]
     if len(kept) < 2:
         raise ConfigError(f"{table} has fewer than two samples that the run takes")
     if run.reading_error_deg:
         return []
     steps = np.diff(kept)
-    back = np.flatnonzero(steps < 0.0)
-    if back.size:
-        rows = ", ".join(str(known[k + 1] + 1) for k in back[:5])
-        message = f"the time of {table} starts again {back.size} times, in row {rows}"
-        raise ConfigError(
-            message, hint="runs below each other? 'part: 1' takes the first, `where` those of a column"
+    if back := len(starts_again(kept)):
+        message = (
+            f"the time of {table} starts again {back} times, first after {kept[np.argmax(steps < 0.0)]:.6g} s"
         )
-    if (steps == 0.0).any():
-        first, count = kept[np.argmin(steps)], int((steps == 0.0).sum())
-        message = f"the time of {table} repeats {count} times, first at {first:.6g} s"
+        hint = "runs below each other? 'part: 1' takes the first, `where` those of a column"
+        raise ConfigError(message, hint=hint)
+    if repeats := int((steps == 0.0).sum()):
+        message = f"the time of {table} repeats {repeats} times, first at {kept[np.argmin(steps)]:.6g} s"
         hint = f"rounded times? 'step_s: {even_step(kept):.6g}' makes them from the numbers of the samples"
         raise ConfigError(message, hint=hint)
-    gaps = np.flatnonzero(steps > _GAP * np.median(steps))
-    if not gaps.size:
-        return []
-    longest = gaps[np.argmax(steps[gaps])]
-    return [f"{gaps.size} gaps in the times, the longest of {steps[longest]:.4g} s at {kept[longest]:.6g} s"]
+    gaps = int((steps > _GAP * np.median(steps)).sum())
+    longest = np.argmax(steps)
+    told = f"{gaps} gaps in the times, the longest of {steps[longest]:.4g} s at {kept[longest]:.6g} s"
+    return [told] if gaps else []
 
 
 def is_digitised(time: Array) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Literal, TypedDict
+from typing import Any, Literal, TypedDict, cast
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from tendonrepro.console import Talk, count_of
 from tendonrepro.dataset.mapping import confirmed, parse_mapping
 from tendonrepro.dataset.motion import beginning, joints_with_motion, starts_of
 from tendonrepro.dataset.read import read_files
-from tendonrepro.dataset.runs import Assembly
+from tendonrepro.dataset.runs import runs_of
 from tendonrepro.dataset.suggestion import guess_mapping
 from tendonrepro.dataset.tables import Columns
 from tendonrepro.dataset.windows import Timing, spans
@@ -38,23 +38,17 @@ from tendonrepro.results.summary import sizes_deg
 from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import write_traces
 
-_MOST_LINES = 4
-"""Lines to fill in that are each named."""
 _PRINTED = "printed: Table 1, signs of section 3.3"
 
 
-class TableListing(TypedDict):
-    """A table in a file, and of each column how many samples, from where to where, and in which steps."""
-
-    name: str
-    columns: list[dict[str, object]]
-
-
 class Inspected(TypedDict):
-    """What files hold, and the mapping that was guessed; by file what was not read or left out, and why."""
+    """What files hold, and the mapping that was guessed; by file what was not read or left out, and why.
+
+    Of each table its ``name`` and ``columns``: how many samples, from where to where, in which steps.
+    """
 
     schema_version: int
-    tables: list[TableListing]
+    tables: list[dict[str, Any]]
     unread: Mapping[str, str]
     left_out: Mapping[str, Sequence[str]]
     suggestion: str
@@ -63,23 +57,22 @@ class Inspected(TypedDict):
     mapping: str | None
 
 
-class IngestNotes(TypedDict):
-    """What runs were made of: guesses that nobody confirmed, what was done to numbers, and the files."""
+class Ingested(TypedDict):
+    """What was made of measured files; each run with joints, samples, errors.
 
-    guesses: list[str]
-    notes: list[str]
-    doubts: list[str]
-    inputs: list[dict[str, str | int]]
-
-
-class Ingested(IngestNotes):
-    """What was made of measured files; each run with joints, samples, errors."""
+    `guesses` are those that nobody confirmed, `notes` say what was done to numbers, `doubts` what looks
+    wrong, and `inputs` are the files.
+    """
 
     schema_version: int
     out: str
     dry_run: bool
     title: str
     runs: dict[str, dict[str, object]]
+    guesses: list[str]
+    notes: list[str]
+    doubts: list[str]
+    inputs: list[dict[str, str | int]]
 
 
 def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool) -> Inspected:
@@ -128,18 +121,9 @@ def inspect_text(inspected: Inspected) -> str:
     parts = [Table("", table["name"], table["columns"]).text() for table in inspected["tables"]]
     parts += [f"{file}: {line}" for file, lines in inspected["left_out"].items() for line in lines]
     parts += [f"{file}: not read, {reason}" for file, reason in inspected["unread"].items()]
-    wrote = (
-        f"wrote {inspected['mapping']}: check every line that says CHECK{_to_fill(inspected['suggestion'])}"
-    )
+    wanted = "CHECK or FILL IN" if "# FILL IN" in inspected["suggestion"] else "CHECK"
+    wrote = f"wrote {inspected['mapping']}: look at every line that says {wanted}"
     return "\n".join([*parts, wrote if inspected["mapping"] else inspected["suggestion"].rstrip()])
-
-
-def _to_fill(suggestion: str) -> str:
-    """What to fill in before the mapping can be ingested."""
-    lines = [number for number, line in enumerate(suggestion.splitlines(), start=1) if "# FILL IN" in line]
-    if len(lines) > _MOST_LINES:
-        return f", and fill in or delete {len(lines)} lines, the first is line {lines[0]}"
-    return f", and fill in line {', '.join(map(str, lines))}" if lines else ""
 
 
 def run_ingest(
@@ -171,62 +155,41 @@ def run_ingest(
     text = confirmed(text) if confirm else text
     loaded = parse_mapping(text, str(mapping))
     contents = read_files(paths)
-    assembly = Assembly(contents, loaded)
-    runs = assembly.runs()
-    for doubt in assembly.doubts:
-        talk.note(f"check {doubt}")
-    notes = assembly.notes + [
-        f"{file}: {line}" for file, lines in contents.left_out.items() for line in lines
-    ]
-    notes += [f"{file} was not read: {reason}" for file, reason in contents.unread.items()]
-    ingest_notes: IngestNotes = {
-        "guesses": loaded.guesses,
-        "notes": notes,
-        "doubts": assembly.doubts,
-        "inputs": list({table.file["name"]: table.file for table in contents.tables}.values()),
-    }
+    inputs = {table.file["name"]: table.file for table in contents.tables}
+    runs, notes, doubts = runs_of(contents, loaded)
     # The runs hold what is needed; the columns of a long log take as much again.
-    del assembly, contents
-    file = _trace_file(runs, loaded.title, text, str(mapping), ingest_notes)
+    del contents
+    for doubt in doubts:
+        talk.note(f"check {doubt}")
+    made = {"guesses": loaded.guesses, "notes": notes, "doubts": doubts, "inputs": list(inputs.values())}
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    manifest = {
+        "schema_version": 1,
+        "tendonrepro_version": __version__,
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "mapping": {"origin": str(mapping), "sha256": digest},
+        "environment": environment(),
+        **made,
+    }
+    file = TraceFile(
+        experiment=_experiment(runs),
+        source="measured",
+        title=loaded.title,
+        runs=runs,
+        plant=_plant_record(runs),
+        config_yaml=text,
+        config_sha256=digest,
+        manifest=manifest,
+    )
+    file = with_what_they_are(file)
     if not dry_run:
         write_traces(out, file)
         if confirm:
             write_atomically(mapping, text)
     starts = _starts(file)
-    return {
-        "schema_version": 1,
-        "out": str(out),
-        "dry_run": dry_run,
-        "title": file.title,
-        "runs": {name: _described(trace, starts.get(name)) for name, trace in runs.items()},
-        **ingest_notes,
-    }
-
-
-def _trace_file(
-    runs: dict[str, Trace], title: str, mapping: str, origin: str, ingest_notes: IngestNotes
-) -> TraceFile:
-    """Runs with what is known of them: the coupling, and the text of their mapping, read from `origin`."""
-    digest = hashlib.sha256(mapping.encode()).hexdigest()
-    manifest = {
-        "schema_version": 1,
-        "tendonrepro_version": __version__,
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "mapping": {"origin": origin, "sha256": digest},
-        "environment": environment(),
-        **ingest_notes,
-    }
-    file = TraceFile(
-        experiment=_experiment(runs),
-        source="measured",
-        title=title,
-        runs=runs,
-        plant=_plant_record(runs),
-        config_yaml=mapping,
-        config_sha256=digest,
-        manifest=manifest,
-    )
-    return with_what_they_are(file)
+    described = {name: _described(trace, starts.get(name)) for name, trace in runs.items()}
+    head = {"schema_version": 1, "out": str(out), "dry_run": dry_run, "title": file.title}
+    return cast(Ingested, {**head, "runs": described, **made})
 
 
 def _plant_record(runs: Mapping[str, Trace]) -> PlantRecord:

@@ -1,24 +1,15 @@
-"""Files, folders and archives as tables.
-
-A process of its own reads: a damaged file can crash the HDF5 library.
-"""
+"""Files, folders and archives as tables."""
 
 from __future__ import annotations
 
 import os
-import re
 import tarfile
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
-from itertools import accumulate
 from pathlib import Path
 from typing import NamedTuple
 
-from loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
-
-from tendonrepro.configuration.strict_yaml import is_yaml
 from tendonrepro.dataset.formats import is_labview, packaged, read_lvm, read_package, read_tdms, read_workbook
 from tendonrepro.dataset.nested import read_hdf5
 from tendonrepro.dataset.tables import BY_JOINT, Columns, Tables, Unreadable, by_joint, with_one_time
@@ -32,12 +23,8 @@ MOST_BYTES = 2**31
 _BOOKS = {".xlsx", ".xlsm", ".xlsb", ".xls", ".ods"}
 _ARCHIVES = {".zip", ".tar", ".tgz", ".gz", ".bz2", ".xz"}
 _TEXTS = {".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm", ".log", ".prn", ".mot", ".sto", ""}
-_HDF = b"\x89HDF"
-"""First bytes of an HDF5 file."""
 _UNICODE = 0x800
 """Flag of a name in a zip that is Unicode."""
-_UNDECODED = re.compile("[\udc80-\udcff]")
-"""Bytes of a file's name that Python could not decode."""
 
 
 class Contents(NamedTuple):
@@ -59,63 +46,38 @@ def read_files(paths: Sequence[Path]) -> Contents:
     for path in paths:
         if not path.exists():
             hint = "tendonrepro data fetch gets the record"
-            if is_yaml(path):
-                hint = f"to write a mapping there, say --mapping {path}"
             raise DataMissingError("is not there", where=str(path), hint=hint)
-    contents = Contents([], {}, {})
-    with tempfile.TemporaryDirectory() as scratch, _reader() as read:
-        names = {path: "" if path.is_dir() else _readable([path.name])[0] for path in paths}
-        folder, unread = Path(scratch), contents.unread
-        files = [opened for path, name in names.items() for opened in _files(path, name, folder, unread)]
+    tables: list[Columns] = []
+    unread: dict[str, str] = {}
+    left_out: dict[str, list[str]] = {}
+    with tempfile.TemporaryDirectory() as scratch:
+        names = {path: "" if path.is_dir() else _as_text(path.name) for path in paths}
+        files = [file for path, name in names.items() for file in _files(path, name, scratch, unread)]
         packages = [path for path, _ in files if path.suffix == ".json"]
+        # A package reads the tables beside it, and knows their units.
         described = {table.resolve() for path in packages for table in packaged(path)}
         for path, name in files:
             if path.resolve() in described:
-                # Its package reads it, and knows its units.
                 continue
             try:
-                tables, left_out = read(path, name)
+                of_file, lines = read_file(path, name)
             except Unreadable as error:
-                contents.unread[name] = str(error)
+                unread[name] = str(error)
                 continue
-            contents.tables.extend(tables)
-            if left_out:
-                contents.left_out[name] = left_out
-    if not contents.tables:
-        reasons = "; ".join(f"{file}: {reason}" for file, reason in contents.unread.items()) or "no files"
+            tables += of_file
+            if lines:
+                left_out[name] = lines
+    if not tables:
+        reasons = "; ".join(f"{file}: {reason}" for file, reason in unread.items()) or "no files"
         raise DataMissingError(f"nothing to read: {reasons}"[:500])
-    return contents
+    return Contents(tables, unread, left_out)
 
 
-@contextmanager
-def _reader() -> Iterator[Callable[[Path, str], tuple[list[Columns], list[str]]]]:
-    """Give what reads a file as `read_file` does, one that might crash a library in a process of its own."""
-    pools: list[ProcessPoolExecutor] = []
-
-    def read(path: Path, name: str) -> tuple[list[Columns], list[str]]:
-        if _reader_of(path) not in _MAY_CRASH:
-            return read_file(path, name)
-        if not pools:
-            pools.append(ProcessPoolExecutor(max_workers=1))
-        try:
-            tables: tuple[list[Columns], list[str]] = pools[0].submit(read_file, path, name).result()
-        except BrokenProcessPool:
-            pools.clear()
-            raise Unreadable("reading it crashed: the file is damaged") from None
-        return tables
-
-    try:
-        yield read
-    finally:
-        for pool in pools:
-            pool.shutdown()
-
-
-def _files(path: Path, name: str, scratch: Path, unread: dict[str, str]) -> Iterator[tuple[Path, str]]:
+def _files(path: Path, name: str, scratch: str, unread: dict[str, str]) -> Iterator[tuple[Path, str]]:
+    """Files of a path, unpacked, and their names."""
     if path.is_dir():
-        members = sorted(path.glob("[!.]*"))
-        for member, readable in zip(members, _readable([member.name for member in members]), strict=True):
-            yield from _files(member, f"{name}/{readable}".lstrip("/"), scratch, unread)
+        for member in sorted(path.glob("[!.]*")):
+            yield from _files(member, f"{name}/{_as_text(member.name)}".lstrip("/"), scratch, unread)
     elif path.suffix.lower() in _ARCHIVES:
         folder = Path(tempfile.mkdtemp(dir=scratch))
         try:
@@ -128,11 +90,9 @@ def _files(path: Path, name: str, scratch: Path, unread: dict[str, str]) -> Iter
         yield path, name
 
 
-def _readable(names: Sequence[str]) -> list[str]:
-    """Names of files as text, those too that are not in the encoding of this system."""
-    foreign = [name for name in names if _UNDECODED.search(name)]
-    encoding = _encoding_of_names(map(os.fsencode, foreign))
-    return [os.fsencode(name).decode(encoding, "replace") if name in foreign else name for name in names]
+def _as_text(name: str) -> str:
+    """A file's name without bytes that are not of this system's encoding."""
+    return name.encode("utf-8", "replace").decode()
 
 
 def _unpack(path: Path, folder: Path) -> None:
@@ -142,13 +102,13 @@ def _unpack(path: Path, folder: Path) -> None:
             # The others say that they are Unicode.
             names = [member.filename for member in archive.infolist() if not member.flag_bits & _UNICODE]
             _refuse_large(member.file_size for member in archive.infolist())
-        encoding = _encoding_of_names(name.encode("cp437", "ignore") for name in names)
+        encoding = _encoding_of(name.encode("cp437", "ignore") for name in names)
         with zipfile.ZipFile(path, metadata_encoding=encoding) as archive:
             archive.extractall(folder)
     elif tarfile.is_tarfile(path):
         with tarfile.open(path) as archive:
             _refuse_large(member.size for member in archive)
-            encoding = _encoding_of_names(map(os.fsencode, archive.getnames()))
+            encoding = _encoding_of(map(os.fsencode, archive.getnames()))
         with tarfile.open(path, encoding=encoding) as archive:
             archive.extractall(folder, filter="data")
     else:
@@ -157,13 +117,12 @@ def _unpack(path: Path, folder: Path) -> None:
 
 def _refuse_large(sizes: Iterable[int]) -> None:
     """Refuse what says that it needs more than `MOST_BYTES` when it is unpacked, before it is."""
-    if any(total > MOST_BYTES for total in accumulate(sizes)):
+    if sum(sizes) > MOST_BYTES:
         raise Unreadable(f"more than {MOST_BYTES >> 30} GiB when unpacked; unpack it, and name its folder")
 
 
-def _encoding_of_names(names: Iterable[bytes]) -> str:
-    encoding, _ = encoding_of_bytes(b"\n".join(names))
-    return encoding.removesuffix("-sig")
+def _encoding_of(names: Iterable[bytes]) -> str:
+    return encoding_of_bytes(b"\n".join(names))[0].removesuffix("-sig")
 
 
 def read_file(path: Path, name: str) -> tuple[list[Columns], list[str]]:
@@ -203,9 +162,12 @@ def _reader_of(path: Path) -> Callable[[Path], Tables]:
     with path.open("rb") as stream:
         head = stream.read(512)
     suffix = path.suffix.lower()
-    if suffix == ".mat" or head.startswith(b"MATLAB") or (suffix == ".fig" and head.startswith(_HDF)):
-        return _read_matlab
-    if head.startswith(_HDF):
+    if suffix == ".mat" or head.startswith(b"MATLAB"):
+        # Its libraries take half a second to import.
+        from tendonrepro.dataset.matlab import read_matlab
+
+        return read_matlab
+    if head.startswith(b"\x89HDF"):
         return read_hdf5
     if suffix == ".tdms" or head.startswith(b"TDSm"):
         return read_tdms
@@ -216,14 +178,3 @@ def _reader_of(path: Path) -> Callable[[Path], Tables]:
     if suffix in _TEXTS | _BOOKS:
         return read_lvm if is_labview(path) else read_text_table
     raise Unreadable(f"a format that is not read: {suffix or 'no suffix'}")
-
-
-def _read_matlab(path: Path) -> Tables:
-    # Its libraries take half a second to import.
-    from tendonrepro.dataset.matlab import read_matlab
-
-    return read_matlab(path)
-
-
-_MAY_CRASH = {_read_matlab, read_hdf5}
-"""Readers whose libraries a damaged file can crash."""

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from itertools import combinations
+from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import load_config
@@ -15,7 +14,7 @@ from tendonrepro.configuration.published import coupling_of, published, table_1
 from tendonrepro.dataset.clocks import by_clock, by_rows, in_order, read_off, rows_of, times_of
 from tendonrepro.dataset.mapping import LOOP_STEPS, MappingFile, RunMapping, Use
 from tendonrepro.dataset.read import Contents
-from tendonrepro.dataset.tables import FEWEST, Column, Columns
+from tendonrepro.dataset.tables import FEWEST, Columns
 from tendonrepro.errors import ConfigError, DataMissingError
 from tendonrepro.physics.metrics import mean, status_of
 from tendonrepro.results.records import READ_OFF, Trace, median_step
@@ -30,141 +29,160 @@ _HELD = float(np.deg2rad(0.03))
 """Range of a desired angle, rad, below which a joint is held: the dither of its encoder is no ringing."""
 _SEVERITY = ("ok", "ringing", "diverged")
 
-
-@dataclass
-class Assembly:
-    """Runs in the making, with `notes` of what was done to numbers, and `doubts`."""
-
-    contents: Contents
-    mapping: MappingFile
-    notes: list[str] = field(default_factory=list)
-    doubts: list[str] = field(default_factory=list)
-
-    def runs(self) -> dict[str, Trace]:
-        """All runs of the mapping.
-
-        Raises
-        ------
-        ConfigError
-            Where the mapping does not fit the tables.
-        DataMissingError
-            If a file of it was not read.
-        """
-        traces = {}
-        for name, run in self.mapping.runs.items():
-            try:
-                traces[name] = self._run(name, run)
-            except ConfigError as error:
-                raise ConfigError(error.message, where=self.mapping.places[name], hint=error.hint) from None
-        self.doubts += self._absent()
-        return traces
-
-    def _absent(self) -> list[str]:
-        """Columns of the mapping that no table has, as after a slip of the pen."""
-        runs = self.mapping.runs.values()
-        asked = dict.fromkeys(column for run in runs for column in run.columns or {})
-        found = {name for table in self.contents.tables for name in table.named(asked)}
-        return [f"the mapping: no table has a column {column!r}" for column in asked if column not in found]
-
-    def _run(self, name: str, run: RunMapping) -> Trace:
-        time, signals = self._signals(name, run)
-        joints = tuple(sorted({use.joint for use in signals}))
-        variables: dict[str, Array] = {}
-        for use in list(signals):
-            # A long log is in memory once, not twice.
-            values = signals.pop(use)
-            block = variables.setdefault(use.variable, np.full((len(time), len(joints)), np.nan))
-            block[:, joints.index(use.joint)] = values
-        if time[0] != 0.0:
-            self.notes.append(f"{name}: time starts at {time[0]:.6g} s in the files, at 0 here")
-            time = time - time[0]
-        recorded = variables.get("e")
-        if len(variables.keys() & {"q_d", "q_encoder", "e"}) > 1:
-            _complete(variables, is_read_off=run.reading_error_deg is not None)
-        if "q_motor_encoder" in variables and "q_calculated" not in variables and joints[-2:] == (2, 3):
-            places = np.array(joints) - 1
-            S, _ = coupling_of(table_1(published()))
-            variables["q_calculated"] = variables["q_motor_encoder"] @ S[np.ix_(places, places)].T
-            said = "q_calculated is S q_motor_encoder, S of the paper's arm; validate takes that of --config"
-            self.notes.append(f"{name}: {said}")
-        attributes: dict[str, object] = {"law": "measured", "gains": {}, "readings": {}}
-        attributes |= {"payload_mass": run.payload_mass_kg, "reference_period": run.period_s or 0.0}
-        attributes |= {f"{READ_OFF}{key}": error for key in variables if (error := run.reading_error(key))}
-        attributes |= _status(time, variables, joints)
-        trace = Trace(name, time, joints, variables, attributes)
-        doubts = [*doubts_about(trace), *([] if recorded is None else doubts_about_error(trace, recorded))]
-        self.doubts += [f"{name}: {doubt}" for doubt in doubts]
-        return trace
-
-    def _signals(self, name: str, run: RunMapping) -> tuple[Array, dict[Use, Array]]:
-        """Common times, s, and values of all columns of a run, SI."""
-        series: dict[Use, tuple[Array, Array]] = {}
-        for name_of_table in run.sources:
-            table = self._table(name_of_table)
-            taken = {use.signal for use in series}
-            uses = {column: use for column, use in _uses(table, run).items() if use.signal not in taken}
-            if all(use.variable == "time" for use in uses.values()):
-                continue
-            _refuse_twins(table, uses)
-            of_table, notes = _series_of(table, uses, run)
-            series |= of_table
-            place = f"{name}: {table.name}, " if len(run.sources) > 1 else f"{name}: "
-            self.notes += [place + note for note in dict.fromkeys(notes)]
-        if not series:
-            raise ConfigError("none of its tables has a column that the mapping knows")
-        if run.reading_error_deg:
-            return read_off(series)
-        return self._common(name, series)
-
-    def _table(self, name: str) -> Columns:
-        """Find a table by its name, or the only one that ends with it."""
-        tables = self.contents.tables
-        exact = [table for table in tables if table.name == name]
-        matching = exact or [table for table in tables if table.name.endswith(f"/{name}")]
-        if len(matching) == 1:
-            return matching[0]
-        for file, reason in self.contents.unread.items():
-            if f"/{file}".endswith(f"/{name.partition(':')[0]}"):
-                raise DataMissingError(f"was not read: {reason}", where=file)
-        message = f"{name!r} could be several tables" if matching else f"there is no table {name!r}"
-        raise ConfigError(message, hint=f"tables: {', '.join(table.name for table in tables)}")
-
-    def _common(self, name: str, series: dict[Use, tuple[Array, Array]]) -> tuple[Array, dict[Use, Array]]:
-        """All on the first table's times, as far as others go."""
-        times = [time for time, _ in series.values()]
-        first = times[0]
-        time = first[(first >= max(axis[0] for axis in times)) & (first <= min(axis[-1] for axis in times))]
-        if len(time) < 2:
-            hint = "two clocks? 'time us - OFFSET' moves one of them"
-            raise ConfigError("its tables have no time in common", hint=hint)
-        if beyond := len(first) - len(time):
-            self.notes.append(f"{name}: {beyond} samples lie where another column has no times, left out")
-        if all(np.array_equal(axis, first) for axis in times):
-            return first, {use: values for use, (_, values) in series.items()}
-        self.notes.append(f"{name}: columns with other times were interpolated to those of the first")
-        return time, {use: np.interp(time, *axis) for use, axis in series.items()}
+Series: TypeAlias = dict[Use, tuple[Array, Array]]
+"""Times, s, and values, SI, of each signal."""
 
 
-def _series_of(
-    table: Columns, uses: dict[str, Use], run: RunMapping
-) -> tuple[dict[Use, tuple[Array, Array]], list[str]]:
-    """Times, s, and values of the columns of one table, SI, and notes on what was left out."""
-    series: dict[Use, tuple[Array, Array]] = {}
-    rows, notes = rows_of(table, run)
+def runs_of(contents: Contents, mapping: MappingFile) -> tuple[dict[str, Trace], list[str], list[str]]:
+    """All runs of a mapping, notes on what was done to numbers or left out, and doubts.
+
+    Raises
+    ------
+    ConfigError
+        Where the mapping does not fit the tables.
+    DataMissingError
+        If a file of it was not read.
+    """
+    traces: dict[str, Trace] = {}
+    notes: list[str] = []
+    doubts: list[str] = []
+    for name, run in mapping.runs.items():
+        try:
+            traces[name], told, asked = _run(contents, name, run)
+        except ConfigError as error:
+            raise ConfigError(error.message, where=mapping.places[name], hint=error.hint) from None
+        notes += [f"{name}: {note}" for note in told]
+        doubts += [f"{name}: {doubt}" for doubt in asked]
+    # A column that no table has may be a slip of the pen.
+    columns = dict.fromkeys(column for run in mapping.runs.values() for column in run.columns or {})
+    known = {name for table in contents.tables for name in table.named(columns)}
+    doubts += [f"the mapping: no table has a column {name!r}" for name in columns if name not in known]
+    notes += [f"{file}: {line}" for file, lines in contents.left_out.items() for line in lines]
+    notes += [f"{file} was not read: {reason}" for file, reason in contents.unread.items()]
+    return traces, notes, doubts
+
+
+def _run(contents: Contents, name: str, run: RunMapping) -> tuple[Trace, list[str], list[str]]:
+    series, notes = _series_of(contents, run)
+    if run.reading_error_deg:
+        time, signals = read_off(series)
+    else:
+        time, signals, told = _on_one_clock(series)
+        notes += told
+    joints = tuple(sorted({use.joint for use in signals}))
+    variables: dict[str, Array] = {}
+    for use in list(signals):
+        # A long log is in memory once, not twice.
+        values = signals.pop(use)
+        block = variables.setdefault(use.variable, np.full((len(time), len(joints)), np.nan))
+        block[:, joints.index(use.joint)] = values
+    if time[0] != 0.0:
+        notes.append(f"time starts at {time[0]:.6g} s in the files, at 0 here")
+        time = time - time[0]
+    recorded = variables.get("e")
+    if len(variables.keys() & {"q_d", "q_encoder", "e"}) > 1:
+        _complete(variables, is_read_off=run.reading_error_deg is not None)
+    if "q_motor_encoder" in variables and "q_calculated" not in variables and joints[-2:] == (2, 3):
+        places = np.array(joints) - 1
+        S, _ = coupling_of(table_1(published()))
+        variables["q_calculated"] = variables["q_motor_encoder"] @ S[np.ix_(places, places)].T
+        notes.append(
+            "q_calculated is S q_motor_encoder, S of the paper's arm; validate takes that of --config"
+        )
+    attributes: dict[str, object] = {"law": "measured", "gains": {}, "readings": {}}
+    attributes |= {"payload_mass": run.payload_mass_kg, "reference_period": run.period_s or 0.0}
+    attributes |= {f"{READ_OFF}{key}": error for key in variables if (error := run.reading_error(key))}
+    attributes |= _status(time, variables, joints)
+    trace = Trace(name, time, joints, variables, attributes)
+    return (
+        trace,
+        notes,
+        [*_doubts(trace), *([] if recorded is None else _doubts_about_error(trace, recorded))],
+    )
+
+
+def _series_of(contents: Contents, run: RunMapping) -> tuple[Series, list[str]]:
+    """Signals of a run, each of the first table that has it, and notes on what was left out."""
+    series: Series = {}
+    notes: list[str] = []
+    for source in run.sources:
+        table = _table(contents, source)
+        columns = run.columns or {}
+        taken = {use.signal for use in series}
+        uses = {column: columns[name] for name, column in table.named(columns).items()}
+        uses = {column: use for column, use in uses.items() if use.signal not in taken}
+        if all(use.variable == "time" for use in uses.values()):
+            continue
+        _refuse_twins(table, uses)
+        of_table, told = _of_table(table, uses, run)
+        series |= of_table
+        place = f"{table.name}, " if len(run.sources) > 1 else ""
+        notes += [place + note for note in dict.fromkeys(told)]
+    if not series:
+        raise ConfigError("none of its tables has a column that the mapping knows")
+    return series, notes
+
+
+def _table(contents: Contents, name: str) -> Columns:
+    """Find a table by its name, or the only one that ends with it."""
+    exact = [table for table in contents.tables if table.name == name]
+    matching = exact or [table for table in contents.tables if table.name.endswith(f"/{name}")]
+    if len(matching) == 1:
+        return matching[0]
+    for file, reason in contents.unread.items():
+        if f"/{file}".endswith(f"/{name.partition(':')[0]}"):
+            raise DataMissingError(f"was not read: {reason}", where=file)
+    message = f"{name!r} could be several tables" if matching else f"there is no table {name!r}"
+    raise ConfigError(message, hint=f"tables: {', '.join(table.name for table in contents.tables)}")
+
+
+def _refuse_twins(table: Columns, uses: dict[str, Use]) -> None:
+    """Refuse two columns of one table that are the same signal."""
+    columns: dict[tuple[str, int], str] = {}
+    for column, use in uses.items():
+        other = columns.setdefault(use.signal, column)
+        if use.variable != "time" and other != column:
+            message = f"{other!r} and {column!r} of {table.name} are both {use.variable} {use.joint}"
+            raise ConfigError(message, hint="delete the line of one of them")
+
+
+def _of_table(table: Columns, uses: dict[str, Use], run: RunMapping) -> tuple[Series, list[str]]:
+    """Signals of one table, and notes on what was left out."""
+    series: Series = {}
+    notes: list[str] = []
+    rows = rows_of(table, run)
     for clock, together in by_clock(table, uses).items():
         for filled, columns in by_rows(table, together):
-            taken = rows & filled
-            time, of_times = times_of(table, taken, clock, uses, run)
+            time, of_times = times_of(table, rows & filled, clock, uses, run)
             notes += of_times
-            has_time = np.isfinite(time)
+            kept = rows & filled
+            kept[kept] = np.isfinite(time)
+            if absent := int(filled.sum() - kept.sum()):
+                why = "no time, or not those of where, part, from_s and to_s"
+                notes.append(f"{absent} of {int(filled.sum())} rows left out: {why}")
             for column in columns:
-                use = uses[column]
-                values = _taken(use.in_si(_taken(table[column], taken)), has_time)
-                curve = time[has_time], values
-                series[use] = in_order(*curve) if run.reading_error_deg else curve
+                values = uses[column].in_si(table[column][kept])
+                curve = time[np.isfinite(time)], values
+                series[uses[column]] = in_order(*curve) if run.reading_error_deg else curve
                 if absent := int((~np.isfinite(values)).sum()):
                     notes.append(f"{column}: {absent} of {len(values)} samples missing")
     return series, notes
+
+
+def _on_one_clock(series: Series) -> tuple[Array, dict[Use, Array], list[str]]:
+    """All on the first signal's times, as far as others go."""
+    times = [time for time, _ in series.values()]
+    first = times[0]
+    time = first[(first >= max(axis[0] for axis in times)) & (first <= min(axis[-1] for axis in times))]
+    if len(time) < 2:
+        hint = "two clocks? 'time us - OFFSET' moves one of them"
+        raise ConfigError("its tables have no time in common", hint=hint)
+    if all(np.array_equal(axis, first) for axis in times):
+        return first, {use: values for use, (_, values) in series.items()}, []
+    notes = ["columns with other times were interpolated to those of the first"]
+    if beyond := len(first) - len(time):
+        notes.insert(0, f"{beyond} samples lie where another column has no times, left out")
+    return time, {use: np.interp(time, *curve) for use, curve in series.items()}, notes
 
 
 def _complete(variables: dict[str, Array], *, is_read_off: bool) -> None:
@@ -185,42 +203,20 @@ def _status(time: Array, variables: dict[str, Array], joints: tuple[int, ...]) -
     """Worst of the joints, by the limits of the shipped comparison."""
     limits = load_config(None, "compare").config.status
     ringing = limits.ringing_frequency.si, limits.ringing_share.si
-    statuses: dict[int, tuple[str, float]] = {}
+    judged: dict[int, tuple[str, float]] = {}
     for k, joint in enumerate(joints if "e" in variables else ()):
         e = variables["e"][:, k]
         known = np.isfinite(e)
         if known.any() and np.ptp(variables.get("q_d", variables["e"])[known, k]) > _HELD:
             bridged = np.interp(time, time[known], e[known])[:, np.newaxis]
-            statuses[joint] = status_of(time, bridged, limits.divergence_limit.si, *ringing)
-    worst = max((status for status, _ in statuses.values()), key=_SEVERITY.index, default="ok")
-    of = [joint for joint, (status, _) in statuses.items() if status == worst]
-    end = min((statuses[joint][1] for joint in of), default=float(time[-1]))
-    judged = {"status": worst, "status_time": end}
-    return judged if worst == "ok" else judged | {"status_joints": of}
+            judged[joint] = status_of(time, bridged, limits.divergence_limit.si, *ringing)
+    worst = max((status for status, _ in judged.values()), key=_SEVERITY.index, default="ok")
+    ends = {joint: end for joint, (status, end) in judged.items() if status == worst}
+    told = {"status": worst, "status_time": min(ends.values(), default=float(time[-1]))}
+    return told if worst == "ok" else told | {"status_joints": [*ends]}
 
 
-def _refuse_twins(table: Columns, uses: dict[str, Use]) -> None:
-    """Refuse two columns of one table that are the same signal."""
-    columns: dict[tuple[str, int], str] = {}
-    for column, use in uses.items():
-        other = columns.setdefault(use.signal, column)
-        if use.variable != "time" and other != column:
-            message = f"{other!r} and {column!r} of {table.name} are both {use.variable} {use.joint}"
-            raise ConfigError(message, hint="delete the line of one of them")
-
-
-def _uses(table: Columns, run: RunMapping) -> dict[str, Use]:
-    """What columns of a table are to a run."""
-    columns = run.columns or {}
-    return {column: columns[name] for name, column in table.named(columns).items()}
-
-
-def _taken(values: Column, rows: NDArray[np.bool_]) -> Column:
-    """Values of rows, without a copy of a long log where these are all."""
-    return values if rows.all() else values[rows]
-
-
-def doubts_about(trace: Trace) -> Iterator[str]:
+def _doubts(trace: Trace) -> Iterator[str]:
     """What makes a run implausible."""
     step = median_step(trace.time)
     if not LOOP_STEPS[0] <= step <= LOOP_STEPS[1]:
@@ -250,15 +246,13 @@ def _doubts_about_rate(trace: Trace, rate: str, angle: str) -> Iterator[str]:
             continue
         time, q, dq = trace.time[known], trace[angle][known, k], trace[rate][known, k]
         turned = np.concatenate([[0.0], np.cumsum(np.diff(time) * 0.5 * (dq[1:] + dq[:-1]))])
-        size, together = float(q.var()), float(np.mean((q - q.mean()) * (turned - turned.mean())))
-        if together**2 < _ALIKE * size * float(turned.var()) or not together:
-            yield f"{rate} of joint {joint} is not the slope of {angle}"
-        elif not _ALIKE < together / size < 1.0 / _ALIKE:
-            times = f"{together / size:.3g} times the slope of {angle}"
-            yield f"{rate} of joint {joint} is {times}: check its unit"
+        (size, together), (_, of_turned) = np.cov(q, turned)
+        if together**2 < _ALIKE * size * of_turned or not _ALIKE < together / size < 1.0 / _ALIKE:
+            times = f"at best {together / size:.3g} times it"
+            yield f"{rate} of joint {joint} is not the slope of {angle}, {times}: check its unit"
 
 
-def doubts_about_error(trace: Trace, recorded: Array) -> Iterator[str]:
+def _doubts_about_error(trace: Trace, recorded: Array) -> Iterator[str]:
     """Joints whose recorded error (T, n), rad, is not desired less measured angle, which counts."""
     apart = mean(np.abs(recorded - trace["e"])) > _FAR * mean(np.abs(recorded))
     turned = mean(np.abs(recorded + trace["e"])) < _FAR * mean(np.abs(recorded))

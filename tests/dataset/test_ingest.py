@@ -1,7 +1,5 @@
 """From files to measured traces: layouts of labs, round trips of simulated runs, and what is refused."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import h5py
 import numpy as np
 import pandas as pd
@@ -23,13 +21,6 @@ MEASURED = {
     run: np.stack([synthetic_record.measured(run, joint)[::20] for joint in (2, 3)], axis=1) for run in RUNS
 }
 """Degrees."""
-
-
-@pytest.fixture(autouse=True)
-def _reads_here(request, monkeypatch):
-    """No process is started to read but where a file is damaged."""
-    if "damaged" not in request.node.name:
-        monkeypatch.setattr("tendonrepro.dataset.read.ProcessPoolExecutor", ThreadPoolExecutor)
 
 
 def table(run, names):
