@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from tendonrepro.console import count_of
 from tendonrepro.results.figures.style import PAGE_MM, Drawing, journal_style, open_figure
 from tendonrepro.verdicts.sensitivity import Influences
 
@@ -16,8 +17,8 @@ _WORDS = {"table2": "Table 2", "table3": "Table 3", "mae": "MAE", "rmse": "RMSE"
 """Parts of an outcome's name as a reader knows them."""
 
 
-def draw_influences(rankings: Mapping[str, Influences]) -> Drawing:
-    """Draw the strongest unknowns' shares of each outcome's variance."""
+def draw_influences(rankings: Mapping[str, Influences], plants: int) -> Drawing:
+    """Draw the strongest unknowns' shares of each outcome's variance, over a number of plants."""
     shares = {name: {row["name"]: row["index"] for row in parts["rows"]} for name, parts in rankings.items()}
     unknowns = sorted(
         next(iter(shares.values())), key=lambda name: -sum(parts[name] for parts in shares.values())
@@ -38,4 +39,4 @@ def draw_influences(rankings: Mapping[str, Influences]) -> Drawing:
         axes.set_xticks(np.arange(len(shares)), names, rotation=60.0, ha="right", rotation_mode="anchor")
         axes.set_title("What decides each claim and number: share of the variance, %")
     caption = "Share of the variance of an outcome that an unknown explains alone."
-    return Drawing("decides", figure, [axes], caption)
+    return Drawing("decides", figure, [axes], caption, f"Simulated, {count_of(plants, 'plant')} of the box")

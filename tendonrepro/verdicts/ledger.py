@@ -34,10 +34,10 @@ class ByChoice:
 class Verdict:
     """One line of the ledger; its fields are the keys of ``claims.json``.
 
-    `ours` is a claim's share, or the number of the nominal run, else its median over the box. What `repeats`
-    another entry is not counted. `shipped` is from the package's ensemble. `by_choice` has the verdict under
-    each other choice of motion, starts, reference and friction of a run that was run. `false_contradicted`
-    is the share of made-up papers, right and as published, that this rule contradicts.
+    `ours` is a claim's share, or a number's median over the box. What `repeats` another entry is not counted.
+    `shipped` is from the package's ensemble. `by_choice` has the verdict under each other choice of motion,
+    starts, reference and friction of a run that was run. `false_contradicted` is the share of made-up papers,
+    right and as published, that this rule contradicts.
     """
 
     id: str
@@ -145,30 +145,16 @@ def origin_of(source: str, known: Mapping[str, object]) -> Origin:
 
 def with_shipped(verdicts: Sequence[Verdict], ledger: Ledger) -> list[Verdict]:
     """Take from a ledger what waits for an ensemble, if its text and rule are the same."""
+    keys = attrgetter("kind", "rule", "printed")
 
     def or_taken(verdict: Verdict) -> Verdict:
         stored = ledger.verdicts.get(verdict.id)
         waits = verdict.kind == "ensemble" and verdict.verdict == "not_testable"
-        keys = attrgetter("kind", "rule", "printed")
         if stored is None or not waits or keys(verdict) != keys(stored):
             return verdict
-        return _taken(verdict, stored, ledger.ensemble)
+        # The measurement is the one that is here, or none.
+        evidence = {name: value for name, value in stored.evidence.items() if name != "measured"}
+        here = {name: value for name, value in verdict.evidence.items() if name == "measured"}
+        return replace(stored, evidence=evidence | here | {"ensemble": ledger.ensemble}, shipped=True)
 
     return [or_taken(verdict) for verdict in verdicts]
-
-
-def _taken(waiting: Verdict, stored: Verdict, origin: Origin) -> Verdict:
-    # The run of the shipped plant and the measurement are those that are here, or none.
-    here = {name: waiting.evidence.get(name) for name in ("shipped_run", "measured")}
-    evidence = {**stored.evidence, **here, "ensemble": origin}
-    return replace(
-        waiting,
-        ours=stored.ours if here["shipped_run"] is None else waiting.ours,
-        verdict=stored.verdict,
-        borderline=stored.borderline,
-        evidence={name: value for name, value in evidence.items() if value is not None},
-        readings_that_change_it=stored.readings_that_change_it,
-        by_choice=stored.by_choice,
-        false_contradicted=stored.false_contradicted,
-        shipped=True,
-    )

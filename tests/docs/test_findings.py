@@ -23,7 +23,7 @@ from tendonrepro.reporting.readings import Row, Shown, read_shown
 from tendonrepro.results.figures.style import Drawing, imprint, journal_style
 from tendonrepro.tuning.bench import KNOWN, PUBLISHED
 from tendonrepro.tuning.search import CAPS
-from tendonrepro.verdicts.judge import Sources, judge_all
+from tendonrepro.verdicts.judge import judge_all
 from tendonrepro.verdicts.words import percent
 
 pytestmark = NEEDS_DOCS
@@ -301,6 +301,6 @@ def errors_of(experiment: Any, *overrides: str) -> list[list[float]]:
 
 def test_stored_verdicts_follow_from_the_rules_of_today(claims: dict[str, Any]) -> None:
     """What needs nothing but the print is judged again."""
-    for verdict in judge_all(Sources()):
+    for verdict in judge_all():
         if verdict.verdict != "not_testable":
             assert claims[verdict.id]["verdict"] == verdict.verdict, verdict.id

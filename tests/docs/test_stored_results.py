@@ -32,7 +32,7 @@ from tendonrepro.tuning.bench import ALL_RUNS, PUBLISHED, as_published, measure,
 from tendonrepro.tuning.laws import LAWS
 from tendonrepro.tuning.report import law_rows
 from tendonrepro.tuning.search import TuningEffort, TuningTask
-from tendonrepro.verdicts.judge import Sources, judge_all
+from tendonrepro.verdicts.judge import judge_all
 
 pytestmark = NEEDS_DOCS
 
@@ -161,7 +161,7 @@ def test_the_ensemble_is_of_the_shipped_configuration() -> None:
 def test_every_claim_was_judged_by_that_ensemble() -> None:
     ledger, ensemble = stored("claims"), stored("ensemble")
     entries = {entry["id"]: entry for entry in ledger["claims"]}
-    assert list(entries) == [verdict.id for verdict in judge_all(Sources())]
+    assert list(entries) == [verdict.id for verdict in judge_all()]
     assert ledger["ensemble"]["draws"] == ensemble["draws"]
     assert all(held["draws"] <= ensemble["draws"] for held in stored("decides").values())
 

@@ -14,7 +14,7 @@ from tendonrepro.configuration.shown import SHOWN, conditions
 from tendonrepro.reporting.page import page, pictures, plate
 from tendonrepro.reporting.stored import stored_under
 from tendonrepro.verdicts import words
-from tendonrepro.verdicts.judge import Sources, judge_all
+from tendonrepro.verdicts.judge import judge_all
 from tendonrepro.verdicts.report import MAIN
 from tendonrepro.verdicts.rules import VERDICTS
 from tendonrepro.verdicts.words import claim_in_words, percent
@@ -73,7 +73,7 @@ def test_every_verdict_stands_once_with_its_evidence(made, ledger):
 
 
 def test_every_verdict_has_words(ledger):
-    assert {one.verdict for one in judge_all(Sources())} <= VERDICTS.keys()
+    assert {one.verdict for one in judge_all()} <= VERDICTS.keys()
     assert (
         words.named(ledger["table2.controller_1.mae.joint_2"]) == "error, Controller 1, MAE, joint 2: 0.261°"
     )

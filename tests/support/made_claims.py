@@ -6,7 +6,7 @@ from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import published
 from tendonrepro.errors import DataMissingError
 from tendonrepro.results.summary import CONTROLLERS
-from tendonrepro.verdicts.judge import Sources, judge_all
+from tendonrepro.verdicts.judge import judge_all
 from tendonrepro.verdicts.sensitivity import ranked
 from tendonrepro.verdicts.statements import (
     HALVED,
@@ -132,7 +132,7 @@ def paper_of(data, plant=KNOWN):
 
 
 def verdicts(data, paper, *only):
-    return {verdict.id: verdict for verdict in judge_all(Sources(ensemble=data), paper, only)}
+    return {verdict.id: verdict for verdict in judge_all(data, paper, only)}
 
 
 def verdict_on(data, paper, name):

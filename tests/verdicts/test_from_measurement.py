@@ -12,7 +12,7 @@ from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import published
 from tendonrepro.dataset.windows import PrintedTables, Timing, try_windows
 from tendonrepro.errors import DataMissingError
-from tendonrepro.verdicts.judge import Sources, judge_all
+from tendonrepro.verdicts.judge import judge_all
 from tendonrepro.verdicts.measurement import Measurement, decoupling, judge_measured, motor_angles
 from tendonrepro.verdicts.statements import HALVED, Plants, RunUnder, claim_on
 from tendonrepro.verdicts.words import statements
@@ -303,8 +303,8 @@ def test_k3_and_k5_take_the_measured_verdict_and_others_keep_theirs():
     compare = comparison(GROWING)
     both = replace(compare, experiment="both", runs={**compare.runs, "decouple": DECOUPLED})
     only = ["K3", "K5", "C2", "table2.controller_1.mae.joint_2", "K1"]
-    without = {one.id: one for one in judge_all(Sources(), only=only)}
-    found = {one.id: one for one in judge_all(Sources(measured=both), only=only)}
+    without = {one.id: one for one in judge_all(only=only)}
+    found = {one.id: one for one in judge_all(measured=both, only=only)}
     assert {found["K3"].verdict, found["K5"].verdict} <= {"reproduced", "not_reproduced"}
     assert found["C2"].verdict == without["C2"].verdict == "not_testable"
     assert found["C2"].evidence["measured"]["verdict"] == "reproduced"

@@ -87,7 +87,7 @@ def test_the_picture_has_a_column_an_outcome_and_the_strongest_unknowns_on_top(d
         "C2": ranking_of(draws, 3.0 * draws[:, 0] + draws[:, 2]),
         "ratio_joint_2": ranking_of(draws, draws[:, 0]),
     }
-    (axes,) = draw_influences(found).axes
+    (axes,) = draw_influences(found, 1024).axes
     names = [label.get_text() for label in axes.get_yticklabels()]
     assert names[:2] == ["a", "c"]
     for column, held in enumerate(found.values()):
