@@ -32,10 +32,11 @@ def redraw(
     force : bool
         Keep a user's own files, and make changed ones again.
     """
-    from tendonrepro.results.figures.catalogue import available, begin_drawing, name_of
+    from tendonrepro.results.figures.catalogue import drawings, name_of
+    from tendonrepro.results.figures.style import save_drawn
 
     files = _stored(out)
-    every = {name for file in files.values() for name in available(file)}
+    every = {name for file in files.values() for name in drawings(file)}
     asked = [name_of(figure) for figure in figures] if figures else every
     for name in asked:
         if name not in every:
@@ -44,10 +45,10 @@ def redraw(
             raise DataMissingError(message, where=str(out), hint=hint)
 
     def make(file: TraceFile, path: Path) -> list[Path]:
-        drawings = [(file, path / "figures", name) for name in available(file) if name in asked and formats]
+        begun = [(draw, path / "figures", formats) for name, draw in drawings(file).items() if name in asked]
+        drawn = [path for paths in start(save_drawn, begun if formats else []) for path in paths]
         tables = [] if figures else made_tables(file)
-        drawn = [drawn for paths in begin_drawing(drawings, formats, start) for drawn in paths]
-        return drawn + [file for table in tables for file in table.write(path / "tables")]
+        return drawn + [written for table in tables for written in table.write(path / "tables")]
 
     with workers(len(asked)) as start:
         return _make_again(files, make, force=force)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from itertools import chain
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -162,9 +162,9 @@ class Result:
         if self.traces is None:
             return self.drawings
         # Only who asks for pictures loads what draws.
-        from tendonrepro.results.figures.catalogue import available, draw
+        from tendonrepro.results.figures.catalogue import drawings
 
-        return {name: partial(draw, name, self.traces) for name in available(self.traces)}
+        return drawings(self.traces)
 
     @property
     def figures(self) -> list[str]:
@@ -284,33 +284,28 @@ class Result:
 
 def begin_drawing(
     results: Sequence[tuple[Result, Path]], formats: Sequence[str], start: Start = map
-) -> Iterator[None]:
-    """Begin to draw the figures of results into their folders; who runs through the iterator waits.
+) -> Iterable[list[Path]]:
+    """Begin to draw the figures of results into their folders; who runs through them waits.
 
     Figures of traces are drawn by what `start` starts, the others in this process.
     """
-    if not formats or not any(result.traces or result.drawings for result, _ in results):
-        return iter(())
-    from tendonrepro.results.figures import catalogue, style
 
-    of_traces = [
-        (result.traces, folder / "figures", name)
-        for result, folder in results
-        if result.traces
-        for name in result.figures
-    ]
+    def asked(*, of_traces: bool) -> list[tuple[Callable[[], Drawing], Path, Sequence[str]]]:
+        return [
+            (draw, folder / "figures", formats)
+            for result, folder in results
+            if (result.traces is not None) == of_traces
+            for draw in result._drawings.values()
+        ]
+
+    elsewhere, here = (asked(of_traces=True), asked(of_traces=False)) if formats else ([], [])
+    if not here and not elsewhere:
+        return ()
+    from tendonrepro.results.figures.style import save_drawn
+
     # Later figures first, for they have more panels.
-    begun = catalogue.begin_drawing(of_traces[::-1], formats, start)
-
-    def drawn() -> Iterator[None]:
-        for result, folder in results:
-            for draw in () if result.traces else result.drawings.values():
-                style.save_drawing(draw(), folder / "figures", formats)
-                yield
-        for _ in begun:
-            yield
-
-    return drawn()
+    begun = start(save_drawn, elsewhere[::-1]) if elsewhere else ()
+    return chain(map(save_drawn, here), begun)
 
 
 def figure_formats(formats: Sequence[str]) -> dict[str, list[str]]:

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.animation import FuncAnimation, PillowWriter
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
-from PIL import Image
 
 from tendonrepro.arrays import Array
 from tendonrepro.console import Talk
@@ -77,26 +77,16 @@ def animate(
         If the traces cannot be read or do not say where the tendons go.
     """
     file = read_traces(source)
-    name = run or next(iter(file.runs))
+    scene = scene_of(file, run)
+    name, places = scene.trace.name, _places(scene.trace.time, speed)
     target = out or (source if source.is_dir() else source.parent) / f"{name}.gif"
     if target.suffix != ".gif":
         raise UsageError(f"a film ends in .gif, found {target.name!r}", where="--out")
     refuse_existing(target, force=force, inputs=[source])
-    scene = scene_of(file, name)
-    places = _places(scene.trace.time, speed)
-    film = []
-    with journal_style(), talk.bar(f"{name}: pictures", len(places)) as advance:
+    with journal_style(), talk.bar(f"{name}: pictures", len(places)) as advance, atomic_path(target) as path:
         figure, show = draw_scene(scene, origin_of(file))
-        figure.set_dpi(_DPI)
-        canvas: Any = figure.canvas
-        for place in places:
-            show(place)
-            canvas.draw()
-            film.append(Image.fromarray(np.array(canvas.buffer_rgba())).convert("RGB"))
-            advance(1)
-    look = {"save_all": True, "append_images": film[1:], "duration": 1000 // RATE, "loop": 0}
-    with atomic_path(target) as temporary:
-        film[0].save(temporary, "GIF", comment=origin_of(file).encode(errors="backslashreplace"), **look)
+        film = FuncAnimation(figure, show, frames=places, cache_frame_data=False)
+        film.save(path, PillowWriter(RATE), dpi=_DPI, progress_callback=lambda *_: advance(1))
     return {"schema_version": 1, "files": [str(target)], "run": name, "pictures": len(places)}
 
 
@@ -153,7 +143,7 @@ def scene_of(file: TraceFile, name: str | None = None) -> Scene:
     return Scene(trace, joints, paths, tension)
 
 
-def draw_scene(scene: Scene, origin: str) -> tuple[Figure, Callable[[int], None]]:
+def draw_scene(scene: Scene, origin: str) -> tuple[Figure, Callable[[int], list[Artist]]]:
     """Draw a scene, and return what brings it to one of its samples."""
     figure = open_figure(PAGE_MM, 90.0)
     panels = figure.subplot_mosaic([["arm", "q_encoder"], ["arm", "e"]], width_ratios=(1.35, 1.0))
@@ -176,7 +166,7 @@ def draw_scene(scene: Scene, origin: str) -> tuple[Figure, Callable[[int], None]
     panels["e"].set_xlabel("Time (s)")
     imprint(figure, origin)
 
-    def show(place: int) -> None:
+    def show(place: int) -> list[Artist]:
         arm.set_title(f"Run {scene.trace.name}, t = {time[place]:.2f} s")
         links.set_data(*scene.joints[place].T)
         centres = [centre for path in scene.paths for centre in path.centre[place]]
@@ -187,6 +177,7 @@ def draw_scene(scene: Scene, origin: str) -> tuple[Figure, Callable[[int], None]
             line.set(color=colours.to_rgba(force))
         for cursor in cursors:
             cursor.set_xdata([time[place]] * 2)
+        return []
 
     show(0)
     settle(figure)

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 
 from tendonrepro.configuration.from_base import MOST_JOINTS
 from tendonrepro.configuration.models.control import FIRST, LOADED
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.parallel import Start
-from tendonrepro.results.figures import DRAWN
 from tendonrepro.results.figures import paper_figures as paper
 from tendonrepro.results.figures.panels import Sheet
-from tendonrepro.results.figures.style import Drawing, journal_style, save_drawing, title_of
+from tendonrepro.results.figures.style import Drawing, journal_style, title_of
 from tendonrepro.results.paper import of_paper, origin_of
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import compared_runs
@@ -70,9 +67,13 @@ def available(file: TraceFile) -> list[str]:
     return [name for name, spec in FIGURES.items() if spec.traces(file)]
 
 
-def shown(name: str, file: TraceFile) -> TraceFile:
-    """The file with only the runs that a figure shows."""
-    return replace(file, runs={trace.name: trace for trace in FIGURES[name].traces(file)})
+def drawings(file: TraceFile) -> dict[str, Callable[[], Drawing]]:
+    """How to draw each figure that a trace file allows, from the runs that it shows alone."""
+    return {
+        name: partial(draw, name, replace(file, runs={trace.name: trace for trace in traces}))
+        for name, spec in FIGURES.items()
+        if (traces := spec.traces(file))
+    }
 
 
 def draw(figure: str | int, file: TraceFile) -> Drawing:
@@ -87,19 +88,6 @@ def draw(figure: str | int, file: TraceFile) -> Drawing:
         sheet = spec.draw(file, traces)
         caption = caption_of(name, file, sheet, f"{file.source.capitalize()}, {runs_of(traces)}")
         return sheet.finish(name, caption, origin_of(file))
-
-
-def begin_drawing(
-    figures: Iterable[tuple[TraceFile, Path, str]], formats: Sequence[str] = DRAWN, start: Start = map
-) -> Iterable[list[Path]]:
-    """Begin to draw and write figures, by traces, folder and name; yield the paths of each."""
-    # Another process gets a copy.
-    return start(_drawn, [(shown(name, file), folder, name, formats) for file, folder, name in figures])
-
-
-def _drawn(figure: tuple[TraceFile, Path, str, Sequence[str]]) -> list[Path]:
-    file, folder, name, formats = figure
-    return save_drawing(draw(name, file), folder, formats)
 
 
 def caption_of(name: str, file: TraceFile, sheet: Sheet, made: str) -> str:

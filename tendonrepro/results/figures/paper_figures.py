@@ -191,7 +191,7 @@ def draw_motors(file: TraceFile, traces: list[Trace]) -> Sheet:
     sheet = Sheet(COLUMN_MM, 98.0, labels)
     S_inv = file.plant.matrix("S_inv", trace.joint)
     desired, measured = (np.rad2deg(trace[name] @ S_inv.T) for name in ("q_d", "q_encoder"))
-    sheet.axes["a"].set_title(controller_runs(traces)[0].label, **_REMARK)
+    sheet.axes["a"].set_title(controller_runs(traces)[0].label.replace(" (", "\n("), **_REMARK)
     sheet.zero_line("b")
     for column, motor in enumerate(trace.joint):
         name, stroke = f"Motor {motor}", stroke_of(motor)
@@ -260,7 +260,9 @@ def draw_samples(_file: TraceFile, traces: list[Trace]) -> Sheet:
         for run in that_hold(runs, variable, joint):
             time = run.trace.time
             inside = (time >= start - 1e-9) & (time <= end + 1e-9)
-            values, diverged = run.values(variable, joint)[inside], run.diverged and time[-1] <= end
+            # One that diverged before has no end to mark.
+            diverged = run.diverged and inside.any() and time[-1] <= end
+            values = run.values(variable, joint)[inside]
             look: Look = {"label": run.label, "diverged": diverged, "as_steps": True}
             sheet.curve(letter, run.name, time[inside], values, run.stroke, **look)
     return sheet

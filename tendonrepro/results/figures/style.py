@@ -5,8 +5,7 @@ A figure is drawn under `journal_style`, from `open_figure` to a `Drawing`; the 
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from functools import partial
@@ -207,7 +206,7 @@ def save_drawing(drawn: Drawing, folder: Path, formats: Sequence[str] = DRAWN) -
         "png": {"Title": title, "Description": caption},
     }
     paths = [folder / f"{drawn.stem}.{suffix}" for suffix in formats]
-    with journal_style(), _without_date():
+    with journal_style():
         if drawn.origin and not drawn.figure.get_supxlabel():
             imprint(drawn.figure, drawn.origin)
         settle(drawn.figure)
@@ -224,15 +223,10 @@ def save_drawing(drawn: Drawing, folder: Path, formats: Sequence[str] = DRAWN) -
     return [*paths, told]
 
 
-@contextmanager
-def _without_date() -> Iterator[None]:
-    """Hide a date of the environment from matplotlib: figures hold none, and it might not be one."""
-    date = os.environ.pop("SOURCE_DATE_EPOCH", None)
-    try:
-        yield
-    finally:
-        if date is not None:
-            os.environ["SOURCE_DATE_EPOCH"] = date
+def save_drawn(asked: tuple[Callable[[], Drawing], Path, Sequence[str]]) -> list[Path]:
+    """Draw a figure and write it into a folder, in formats, as one piece of work."""
+    draw, folder, formats = asked
+    return save_drawing(draw(), folder, formats)
 
 
 def about(drawn: Drawing) -> list[str]:
