@@ -29,11 +29,10 @@ def __getattr__(name: str) -> object:
         return Result
     if name in commands.PUBLIC:
         return getattr(commands, name)
-    if name in commands.FORMER_FUNCTIONS:
-        raise AttributeError(f"{__name__}.{name} is gone: use {commands.FORMER_FUNCTIONS[name]}")
     from tendonrepro.errors import did_you_mean
 
-    meant = did_you_mean(name, commands.PUBLIC)
+    former = commands.FORMER.get(name)
+    meant = f", see `tendonrepro {former}`" if former else did_you_mean(name, commands.PUBLIC)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}{meant}")
 
 

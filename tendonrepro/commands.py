@@ -43,13 +43,6 @@ FORMER = {
 }
 """Commands by the words that called them before, which go with the next version."""
 
-FORMER_FUNCTIONS = {
-    "figures": "tendonrepro.redraw",
-    "tables": "tendonrepro.redraw, with figures=False",
-    "doctor": "`tendonrepro --version --verbose` of the shell",
-}
-"""The same of Python."""
-
 
 def config(source: str | Path | None = None, *, set: Changes = None) -> Config:
     """A checked, frozen configuration.

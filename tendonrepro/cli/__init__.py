@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import json
 import sys
 
 
@@ -17,11 +16,7 @@ def main() -> None:
         run()
     except KeyboardInterrupt:
         # As the command line itself says it, which may not have been loaded yet.
-        error = {"code": 130, "message": "interrupted", "where": None, "hint": None}
-        if "--json" in sys.argv:
-            sys.stdout.write(json.dumps({"error": error}) + "\n")
-        else:
-            sys.stderr.write("error: interrupted\n")
+        sys.stderr.write("error: interrupted\n")
         sys.exit(130)
 
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import codecs
+import atexit
 import io
 import json
 import os
 import re
+import shutil
 import signal
 import sys
+import tempfile
 from collections.abc import Sequence
 from contextlib import suppress
-from pathlib import Path
-from stat import S_ISDIR
+from importlib.resources import files
 from typing import Annotated, Any, TypeAlias
 
 import typer
@@ -22,7 +23,7 @@ from typer.core import TyperGroup
 from tendonrepro import __version__
 from tendonrepro.cli.adapter import add_command
 from tendonrepro.commands import AT_THE_TOP, COMMANDS, FORMER
-from tendonrepro.console import without_controls
+from tendonrepro.console import columns, without_controls
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.studies.command import FILES, GROUPS, ONE_ARM
 
@@ -119,44 +120,41 @@ def _root(
     verbose: Annotated[bool, Option("--verbose", "-v", help="With --version: the environment, too.")] = False,
     cite: Annotated[bool, Option("--cite", help="Print BibTeX of paper and software.")] = False,
 ) -> None:
-    from tendonrepro.cli import version as versions
-
-    if version and verbose:
-        well, text = versions.examined()
-        typer.echo(text)
-        raise typer.Exit(0 if well else 1)
-    if version or cite:
-        typer.echo(__version__ if version else versions.citation())
+    if version:
+        typer.echo(_environment() if verbose else __version__)
+        raise typer.Exit
+    if cite:
+        text = files("tendonrepro.cli").joinpath("citation.bib").read_text(encoding="utf-8")
+        typer.echo(text.rstrip().replace("VERSION", __version__))
         raise typer.Exit
     if verbose:
         raise UsageError("--verbose stands behind a command, or after --version")
     _help_if_alone(context)
 
 
+def _environment() -> str:
+    """Versions and machine, as a manifest has them."""
+    from tendonrepro.results.store import environment
+
+    here = environment()
+    git = here["git"] or {"commit": "not a checkout", "dirty": False}
+    rows = {
+        "tendonrepro": __version__,
+        "git": git["commit"] + (" (changed)" if git["dirty"] else ""),
+        "python": here["python"],
+        "platform": here["platform"],
+        "cpu": f"{here['cpu']} x {here['cpu_count']}",
+        **here["versions"],
+    }
+    return columns(rows.items())
+
+
 def _keep_settings_of_matplotlib() -> None:
-    """Name a folder that stays where the home cannot be written: else every process makes one."""
-    if "MPLCONFIGDIR" in os.environ:
-        return
-    with suppress(RuntimeError):  # nobody of that user id has a home
-        own = Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config")
-        there = next((place for place in (own, *own.parents) if place.exists()), own)
-        if there.is_dir() and os.access(there, os.W_OK):
-            return
-    import tempfile
-
-    user = os.getuid() if hasattr(os, "getuid") else 0
-    folder = Path(tempfile.gettempdir()) / f"tendonrepro-matplotlib-{user}"
-    # Where not even this works, matplotlib says so itself.
-    with suppress(OSError):
-        folder.mkdir(mode=0o700, exist_ok=True)
-        if os.name != "posix" or _is_ones_own(folder):
-            os.environ["MPLCONFIGDIR"] = str(folder)
-
-
-def _is_ones_own(folder: Path) -> bool:
-    """Whether nobody else can write there: matplotlib obeys the settings that lie in it."""
-    found = folder.lstat()
-    return S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o022
+    """Name one folder for all processes where the home cannot be written: else each leaves one behind."""
+    home = os.environ.get("XDG_CONFIG_HOME") or os.path.expanduser("~")  # noqa: PTH111 (Path raises where nobody has one)
+    if "MPLCONFIGDIR" not in os.environ and not os.access(home, os.W_OK):
+        os.environ["MPLCONFIGDIR"] = folder = tempfile.mkdtemp()
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
 
 
 def main() -> None:
@@ -207,30 +205,16 @@ def _of_an_interrupt(error: BaseException | None) -> bool:
 
 
 def _open_streams() -> None:
-    """Open standard streams that are closed, and let any character pass.
-
-    Closed ones go to the null device; else the next file would be opened in their place.
-    """
-    for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
+    """Open closed standard streams, whose place the next file would take; let any character pass."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
+            # The lowest number that is free is that of the stream. Worker processes need it too.
             null = os.open(os.devnull, os.O_RDWR)
-            if null == number:
-                # Worker processes need it too.
-                os.set_inheritable(number, True)
-            else:
-                os.dup2(null, number)
-                os.close(null)
-            setattr(sys, name, os.fdopen(number, mode, encoding="utf-8"))
-    codecs.register_error("as in JSON", _escaped)
+            os.set_inheritable(null, True)
+            setattr(sys, name, os.fdopen(null, mode, encoding="utf-8"))
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="as in JSON")
-
-
-def _escaped(error: UnicodeError) -> tuple[str, int]:
-    """Write characters that a stream does not have as JSON does, which stays JSON."""
-    assert isinstance(error, UnicodeEncodeError)
-    return json.dumps(error.object[error.start : error.end])[1:-1], error.end
+            stream.reconfigure(errors="backslashreplace")
 
 
 def _refuse_empty(words: Sequence[str]) -> None:

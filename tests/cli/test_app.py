@@ -8,7 +8,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,6 @@ import tendonrepro as tr
 from tendonrepro.cli.app import app, main
 from tendonrepro.configuration.load import shipped_folder
 from tendonrepro.configuration.strict_yaml import read_text
-from tendonrepro.console import count_of
 
 
 @pytest.fixture(scope="module")
@@ -197,29 +195,6 @@ def test_an_interrupted_second_run_leaves_the_first_result(
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT for a child on Windows")
-def test_an_interrupt_of_workers_is_one_sentence(command: str, tmp_path: Path) -> None:
-    words = "--draws 256 --set block=16 --readings printed --jobs 2 --out out"
-    process = subprocess.Popen(
-        [command, "ensemble", *words.split()],
-        cwd=tmp_path,
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=hear_interrupts,  # noqa: PLW1509 (there are no threads here)
-        start_new_session=True,
-    )
-    # The first piece of work is on disk, so that the workers are at the next ones.
-    while not any((tmp_path / "out" / ".partial").glob("*/[!.]*")):
-        assert process.poll() is None
-        time.sleep(0.01)
-    os.killpg(process.pid, signal.SIGINT)
-    lines = process.communicate(timeout=60)[1].splitlines()
-    assert process.returncode == 130
-    assert lines[-1] == "error: interrupted"
-    assert not [line for line in lines if line.startswith((" ", "Traceback", "Exception"))]
-
-
-@pytest.mark.slow
 def test_figures_and_tables_are_made_again_from_traces(compared: tuple[Path, Any]) -> None:
     folder, _ = compared
     out = folder / "out"
@@ -253,20 +228,20 @@ def test_closed_streams_change_no_exit_code(command: str, tmp_path: Path, words:
     assert ("config list 2" in words) == bool(done.stdout)
 
 
-def test_an_output_without_greek_letters_is_no_traceback(command: str, tmp_path: Path) -> None:
+def test_an_output_without_greek_letters_is_no_traceback(command: str) -> None:
+    words = [command, "config", "schema"]
     settings = os.environ | {"PYTHONIOENCODING": "cp1252"}
+    done = subprocess.run(words, env=settings, capture_output=True, encoding="cp1252", check=True)
+    assert "\\u03b7" in done.stdout
+    assert json.loads(done.stdout) == json.loads(read_text(shipped_folder() / "schema.json"))
 
-    def said(*words: str) -> str:
-        done = subprocess.run(
-            [command, *words], cwd=tmp_path, env=settings, capture_output=True, encoding="cp1252", check=True
-        )
-        return done.stdout
 
-    assert "\\u03b1-TDE-NTSM" in said("--help")
-    assert "C2" in said("claims")
-    shown = json.loads(said("claims", "K2", "--json"))
-    assert shown["claims"] == answer("claims", "K2", cwd=tmp_path)["claims"]
-    assert json.loads(said("report", "reports", "--out", "report.html", "--json"))
+@pytest.mark.slow
+def test_a_command_draws_without_the_backend_of_a_notebook(command: str, compared: tuple[Path, Any]) -> None:
+    words = [command, "result", "redraw", "13", "--out", "out"]
+    settings = os.environ | {"MPLBACKEND": "module://not_installed.backend"}
+    done = subprocess.run(words, cwd=compared[0], env=settings, capture_output=True, text=True, check=True)
+    assert done.stderr == ""
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names of files are text there")
@@ -305,32 +280,6 @@ def test_a_reader_that_has_gone_is_no_traceback(command: str) -> None:
     )
     os.close(writer)
     assert (done.returncode, done.stderr) == (1, "")
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="needs a shell of POSIX")
-def test_a_run_needs_no_stream_and_no_backend_of_a_notebook(command: str, tmp_path: Path) -> None:
-    words = " ".join([*(f"'{word}'" for word in SHORT), "--controllers 1 --out out"])
-    shell = ["bash", "-c", f'"{command}" compare {words} <&- >&- 2>&-']
-    done = subprocess.run(
-        shell, cwd=tmp_path, env=os.environ | {"MPLBACKEND": "module://not_installed.backend"}, check=False
-    )
-    assert done.returncode == 0
-    assert (tmp_path / "out" / "figures" / "fig14.png").stat().st_size > 1000
-    other = subprocess.run(
-        [command, "result", "redraw", "13", "--out", "out"],
-        cwd=tmp_path,
-        env=os.environ | {"MPLBACKEND": "module://not_installed.backend"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert (other.returncode, other.stderr) == (0, "")
-
-
-def test_one_of_a_kind_is_no_plural() -> None:
-    assert [count_of(number, "reading") for number in (0, 1, 2)] == ["0 readings", "1 reading", "2 readings"]
-    assert [count_of(number, "guess", "guesses") for number in (1, 2)] == ["1 guess", "2 guesses"]
 
 
 def test_usage_errors_are_one_message_and_code_2(tmp_path: Path) -> None:
@@ -433,38 +382,20 @@ def test_version_environment_and_citation(command: str, tmp_path: Path) -> None:
     shown = subprocess.run([command, "--version"], capture_output=True, text=True, check=True)
     assert shown.stdout.strip() == __version__
     assert "10.3390/act15050271" in run("--cite", cwd=tmp_path).stdout
-    done = run("--version", "--verbose", cwd=tmp_path)
-    rows = dict(line.split(maxsplit=1) for line in done.stdout.splitlines() if len(line.split()) == 2)
-    assert (done.returncode, rows["tendonrepro"], rows["compiler"]) == (0, __version__, "ok")
-    assert {"h5py", "configurations"} <= rows.keys()
+    told = run("--version", "--verbose", cwd=tmp_path).stdout
+    assert all(name in told for name in (__version__, "python", "numpy", "h5py"))
     assert run("--verbose", cwd=tmp_path).returncode == 2
 
 
-def test_a_home_that_cannot_be_written_leaves_one_folder_however_many_commands_run(
+@pytest.mark.skipif(sys.platform == "win32", reason="its homes are found otherwise")
+def test_a_home_that_cannot_be_written_gives_all_processes_one_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def no_home() -> Path:
-        raise RuntimeError("no passwd entry")
-
-    (tmp_path / "file").touch()
-    (tmp_path / "temporary").mkdir()
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    # A name that was never set would not be taken away again at the end.
     for name in ("MPLCONFIGDIR", "XDG_CONFIG_HOME"):
-        # A name that was never set would not be taken away again at the end.
         monkeypatch.setenv(name, "")
         monkeypatch.delenv(name)
-    monkeypatch.setattr(Path, "home", lambda: tmp_path / "file" / "home")
-    for _ in range(2):
+    for home, is_writable in ((tmp_path, True), (tmp_path / "nowhere", False)):
+        monkeypatch.setenv("HOME", str(home))
         assert run("config", "list", cwd=tmp_path).returncode == 0
-        os.environ.pop("MPLCONFIGDIR")
-    monkeypatch.setattr(Path, "home", no_home)
-    assert run("config", "list", cwd=tmp_path).returncode == 0
-    (folder,) = (tmp_path / "temporary").iterdir()
-    assert os.environ.pop("MPLCONFIGDIR") == str(folder)
-    folder.chmod(0o777)  # as somebody else's is: what lies in it may be anyone's
-    assert run("config", "list", cwd=tmp_path).returncode == 0
-    assert "MPLCONFIGDIR" not in os.environ
-    folder.chmod(0o700)
-    monkeypatch.setattr(Path, "home", lambda: tmp_path)
-    assert run("config", "list", cwd=tmp_path).returncode == 0
-    assert "MPLCONFIGDIR" not in os.environ
+        assert Path(os.environ.get("MPLCONFIGDIR", "none")).is_dir() != is_writable
