@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
 
@@ -25,10 +25,12 @@ class Talk:
 
     quiet: bool = False
     verbose: bool = False
+    _told: set[str] = field(default_factory=set, repr=False, compare=False)
 
     def note(self, text: str) -> None:
-        """Say something every user wants to know."""
-        if not self.quiet:
+        """Say something every user wants to know, once."""
+        if not self.quiet and text not in self._told:
+            self._told.add(text)
             sys.stderr.write(f"{without_controls(text)}\n")
 
     def detail(self, text: str) -> None:

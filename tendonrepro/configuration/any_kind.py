@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from pydantic import TypeAdapter
 
@@ -22,7 +22,7 @@ from tendonrepro.configuration.load import (
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.overrides import Overrides, overrides_of
 from tendonrepro.configuration.strict_model import Model
-from tendonrepro.configuration.strict_yaml import Tree, dump, is_yaml, load, read_text
+from tendonrepro.configuration.strict_yaml import Tree, is_yaml, load, read_text
 from tendonrepro.errors import UsageError
 from tendonrepro.files import refuse_file, write_atomically
 
@@ -33,25 +33,28 @@ _COMPLETED = {
 }
 """Sections in which a base gives what a file leaves out; in the JSON schema nothing in them is required."""
 
-Held: TypeAlias = LoadedConfig | LoadedEnsemble | Manipulator
+
+class LoadedArm(NamedTuple):
+    """A validated manipulator, also as plain values, with what is unusual in it."""
+
+    config: Manipulator
+    tree: Tree
+    remarks: tuple[str, ...]
 
 
-def checked(source: str, overrides: Overrides) -> Held:
+Loaded: TypeAlias = LoadedConfig | LoadedEnsemble | LoadedArm
+
+
+def checked(source: str, overrides: Overrides) -> Loaded:
     """Read and validate whatever a source holds."""
     changes = overrides_of(overrides)
     draft = Draft(source, None, changes)
     if draft.kind == MANIPULATOR:
-        return draft.validate(Manipulator)
+        arm = draft.validate(Manipulator)
+        return LoadedArm(arm, draft.tree, (*draft.remarks(arm),))
     if draft.kind == "ensemble":
         return checked_ensemble(draft, changes)
     return checked_config(draft, changes)
-
-
-def shown(source: str, overrides: Overrides) -> tuple[Tree, str]:
-    """Values and YAML text of a configuration as it is used."""
-    held = checked(source, overrides)
-    tree: Tree = held.model_dump(mode="json") if isinstance(held, Manipulator) else held.tree
-    return tree, dump(tree)
 
 
 def init_config(name: str, out: Path) -> list[Path]:

@@ -169,6 +169,11 @@ class LoadedEnsemble:
     around: Around | None = None
 
     @property
+    def remarks(self) -> tuple[str, ...]:
+        """Of the base."""
+        return self.base.remarks
+
+    @property
     def compare(self) -> CompareConfig:
         """The base, which `load_ensemble` knows to be a comparison."""
         assert isinstance(self.base.config, CompareConfig)
@@ -201,7 +206,7 @@ def checked_ensemble(draft: Draft, changes: Sequence[Override]) -> LoadedEnsembl
             base,
             overrides=tuple(change.text for change in changes),
             inputs=(*draft.files, *base.inputs),
-            unread=(),
+            remarks=(),
         ),
         tree=draft.tree,
         sha256=config_digest({"ensemble": config.model_dump(mode="json"), "base": base.sha256}),

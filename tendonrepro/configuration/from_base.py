@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TypeVar
 
 from pydantic import ValidationError
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.manipulator import Links
-from tendonrepro.configuration.strict_model import describe, listed
-from tendonrepro.configuration.strict_yaml import Items, Key, Location, Map, Parsed, Tree, entry, located
+from tendonrepro.configuration.overrides import is_quantity
+from tendonrepro.configuration.strict_model import describe
+from tendonrepro.configuration.strict_yaml import Items, Key, Map, Parsed, Tree, entry, located
 from tendonrepro.errors import ConfigError
 
 MOST_JOINTS = 6
@@ -50,15 +51,13 @@ class _Completion:
 
     `mark` is the source of what is taken over; with `keeps_sources` only of what changed its length. `size`
     tells how many entries a list at a path has in the file, from that which it has anyway. Sections that are
-    `whole` say all of themselves, though their numbers may stand without unit. Lists of a `wrong` length are
-    told together.
+    `whole` say all of themselves, though their numbers may stand without unit.
     """
 
     mark: str
     size: Callable[[Key, int], int]
     whole: Callable[[Key, Tree], bool] = lambda *_: False
     keeps_sources: bool = False
-    wrong: list[tuple[Location, str]] = field(default_factory=list)
 
     def section(self, own: Map, base: Map, path: Key = ()) -> Map:
         """Keys of the base in its order, then the file's further ones."""
@@ -73,9 +72,9 @@ class _Completion:
         if key not in own:
             return self.taken(base[key], path)
         value, of_base = own[key], base[key]
-        if isinstance(of_base, Map) and not _is_quantity(of_base):
+        if isinstance(of_base, Map) and not is_quantity(of_base):
             return self.section(value, of_base, path) if isinstance(value, Map) else value
-        if not _is_quantity(of_base):
+        if not is_quantity(of_base):
             return value
         if type(value) in (int, float, Items):
             value = Map(value=value).placed(own.at[key], {"value": own.at[key]})
@@ -91,22 +90,14 @@ class _Completion:
             if type(value) in (int, float):
                 on_and_above = [[value if q >= p else 0 for q in range(n)] for p in range(n)]
                 value = located(on_and_above if is_matrix else [value] * n, stated.at["value"])
-            parts = [value, *(value if is_matrix and isinstance(value, list) else ())]
-            self._check(stated.here, path, n, {len(part) for part in parts if isinstance(part, list)})
         whole = Map({"value": value, "unit": base["unit"], "source": USER} | stated | {"value": value})
         return whole.placed(stated.here, stated.at)
-
-    def _check(self, here: Location, path: Key, n: int, lengths: set[int]) -> None:
-        if lengths - {n}:
-            many = " and ".join(map(str, sorted(lengths)))
-            words = f"must have {n} entries, as there are {n} joints, found {many}"
-            self.wrong.append((here, f"{'.'.join(map(str, path))}: {words}"))
 
     def taken(self, base: Parsed, path: Key) -> Parsed:
         """A copy of what the base has, with the file's number of joints."""
         if not isinstance(base, Map):
             return deepcopy(base)
-        if not _is_quantity(base):
+        if not is_quantity(base):
             inner = Map((key, self.taken(value, (*path, key))) for key, value in base.items())
             return inner.placed(base.here, base.at)
         value = base["value"]
@@ -117,25 +108,11 @@ class _Completion:
         source = {} if self.keeps_sources and value == base["value"] else {"source": self.mark}
         return Map(base | {"value": value} | source).placed(base.here, base.at)
 
-    def refuse(self) -> None:
-        """Raise a ConfigError with a line for every list of a wrong length."""
-        if self.wrong:
-            raise listed(self.wrong)
-
-
-def _is_quantity(node: Parsed) -> bool:
-    return isinstance(node, Map) and {"value", "unit"} <= node.keys()
-
 
 def complete_arm(arm: Map, base: Map, base_name: str, name: str) -> None:
     """Complete a manipulator from the whole tree of another one, in place; `name` is for one that gives none.
 
     Bare numbers take the base's units, and one number stands for all joints.
-
-    Raises
-    ------
-    ConfigError
-        With a line for every list of a wrong length.
     """
     n = arm.pop("joints", len(base["routing"]["winch_diameter"]["value"]))
     if type(n) is not int or not 1 <= n <= MOST_JOINTS:
@@ -144,7 +121,6 @@ def complete_arm(arm: Map, base: Map, base_name: str, name: str) -> None:
     completion = _Completion(f"assumed: from {base_name}", lambda *_: n)
     arm.setdefault("name", name)
     whole = completion.section(arm, base)
-    completion.refuse()
     arm.clear()
     arm.update(whole)
     arm.at = whole.at
@@ -183,11 +159,6 @@ def complete_experiment(tree: Map, base: Map, base_name: str, taken: set[str]) -
 
     `taken` are the keys that came from the base as they are. Sections are completed, but for those with a
     ``kind``, laws and runs, which are whole.
-
-    Raises
-    ------
-    ConfigError
-        With a line for every list of a wrong length.
     """
     moving = len(joints) if isinstance(joints := tree.get("joints"), list) else 0
     winches = entry(tree, ("manipulator", "routing", "winch_diameter", "value"))
@@ -215,4 +186,3 @@ def complete_experiment(tree: Map, base: Map, base_name: str, taken: set[str]) -
             tree[key] = completion.taken(tree[key], (key,))
         else:
             tree[key] = completion.entry(tree, like, (key,))
-    completion.refuse()

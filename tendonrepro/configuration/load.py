@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import getitem
@@ -22,16 +22,17 @@ from tendonrepro.configuration.models.experiment import CompareConfig, Config, D
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.models.reference import Sampled
 from tendonrepro.configuration.overrides import Override, Overrides, apply_overrides, overrides_of
+from tendonrepro.configuration.quantity import unusual
 from tendonrepro.configuration.strict_model import Model, describe, explain
 from tendonrepro.configuration.strict_yaml import (
     STDIN,
     Key,
     Location,
     Map,
+    Parsed,
     Tree,
     dump,
     entry,
-    is_yaml,
     load,
     place,
     read_text,
@@ -92,12 +93,7 @@ def find_source(source: ConfigLike, kind: str | None) -> ConfigSource:
     path = Path(origin)
     if source is None or (origin in shipped_names() and not path.is_file()):
         path = shipped_file(origin)
-    hint = f"Shipped configurations, by name: {', '.join(shipped_names())}"
-    if path.is_dir():
-        inside = ", ".join(sorted(file.name for file in path.iterdir() if is_yaml(file)))
-        hint = f"Name a file in it: {inside}" if inside else hint
-        raise ConfigError("is a folder, not a configuration", where=str(path), hint=hint)
-    return ConfigSource(read_text(path, hint), origin, path)
+    return ConfigSource(read_text(path, f"Shipped ones, by name: {', '.join(shipped_names())}"), origin, path)
 
 
 def find_file(
@@ -152,7 +148,7 @@ class Draft:
     def _complete(self, path: Path | None, changes: Sequence[Override]) -> None:
         """Take what bases have, and make changes; that of the arm's name first, for others are inside it."""
         tree, naming = self.tree, [change for change in changes if change.path == (MANIPULATOR,)]
-        complete_sections = self._take_from_base(tree, path) if self.kind in MODELS else lambda: None
+        experiment = self._take_from_base(tree, path) if self.kind in MODELS else None
         apply_overrides(tree, naming)
         to_arm: Key = () if self.kind == MANIPULATOR else (MANIPULATOR,)
         if isinstance(name := tree.get(MANIPULATOR), str):
@@ -161,13 +157,16 @@ class Draft:
             self.files.append(path)
             arm = load(read_text(path), str(path))
             tree[MANIPULATOR], tree.at[MANIPULATOR] = arm, place(arm, (), str(path))
-        finish = self._complete_arm(entry(tree, to_arm), path)
-        complete_sections()
+        arm = entry(tree, to_arm)
+        base_of_arm = self._complete_arm(arm, path)
+        if experiment:
+            complete_experiment(tree, *experiment)
         apply_overrides(tree, [change for change in changes if change not in naming])
-        links = (*to_arm, "links")
-        inside = [c.path for c in changes if c.path[: len(links)] == links and len(c.path) > len(links)]
-        finish({str(path[len(links)]) for path in inside})
-        self._take_motions_here()
+        if base_of_arm:
+            base, name, given = base_of_arm
+            of_links = (change.path[len(to_arm) :] for change in changes if change.path not in ((), to_arm))
+            given |= {str(key[1]) for key in of_links if key[0] == "links" and len(key) > 1}
+            follow(arm, base, name, given)
 
     def _base_of(self, tree: Map, path: Path | None, above: Sequence[Path | None]) -> tuple[Map, Path]:
         """What the file holds that a tree names as its base, and this file: beside its own, or shipped.
@@ -175,7 +174,8 @@ class Draft:
         The tree is of a file at `path`, which files `above` have as their base.
         """
         where, name = str(tree.at["base"]), tree.pop("base")
-        if not isinstance(name, str):
+        # The arm that an experiment elsewhere names would be looked for here, and another one found.
+        if not isinstance(name, str) or ("experiment" in tree and Path(name).name != name):
             message = f"base: must be a file beside this one or a shipped one, found {describe(name)}"
             raise ConfigError(message, where=where)
         folder = path.parent if path else self.folder
@@ -183,83 +183,57 @@ class Draft:
         # What a shipped file names stands in for nothing.
         self.files.append(base_path)
         base = load(read_text(base_path), str(base_path))
-        if not isinstance(base, Map):
-            raise ConfigError(f"base: {name!r} is not a mapping of keys", where=where)
+        if not isinstance(base, Map) or base.get("experiment") != tree.get("experiment"):
+            kind = f"an experiment {self.kind!r}" if "experiment" in tree else "an arm"
+            raise ConfigError(f"base: {name!r} is not {kind}", where=where)
         return base, base_path
 
     def _take_from_base(
         self, tree: Map, path: Path | None, above: Sequence[Path | None] = ()
-    ) -> Callable[[], None]:
+    ) -> tuple[Map, str, set[str]] | None:
         """Fill in the keys that an experiment leaves to its base, which may have one in turn.
 
-        What is returned completes its sections, once its arm is known.
+        This base, its name and these keys complete the sections, once the arm is known.
         """
         if "base" not in tree:
-            return lambda: None
-        where, name = str(tree.at["base"]), tree["base"]
-        if isinstance(name, str) and Path(name).name != name:
-            # The arm that it names would be looked for here, and another one found.
-            message = f"base: must be a file beside this one or a shipped one, found {describe(name)}"
-            raise ConfigError(message, where=where)
+            return None
         base, base_path = self._base_of(tree, path, above)
-        if base.get("experiment") != self.kind:
-            raise ConfigError(f"base: {name!r} is not of the experiment {self.kind!r}", where=where)
-        self._take_from_base(base, base_path, (*above, path))()
+        if inner := self._take_from_base(base, base_path, (*above, path)):
+            complete_experiment(base, *inner)
         left = {key: value for key, value in base.items() if key not in tree}
         tree.update(left)
         tree.at |= {key: base.at[key] for key in left}
-        return lambda: complete_experiment(tree, base, base_path.stem, set(left))
+        return base, base_path.stem, set(left)
 
     def _complete_arm(
-        self, arm: object, path: Path | None, above: Sequence[Path | None] = ()
-    ) -> Callable[[set[str]], None]:
+        self, arm: Parsed, path: Path | None, above: Sequence[Path | None] = ()
+    ) -> tuple[Map, str, set[str]] | None:
         """Fill in what an arm in a file leaves to its base, which may have one in turn.
 
-        What is returned is to be called at last, with keys of its links that were changed since.
+        This base, its name and the keys of links that the file gives say what follows them.
         """
         if not isinstance(arm, Map) or "base" not in arm or "experiment" in arm:
-            return lambda _: None
+            return None
         where, name = str(arm.at["base"]), arm["base"]
         base, base_path = self._base_of(arm, path, above)
-        self._complete_arm(base, base_path, (*above, path))(set())
+        if inner := self._complete_arm(base, base_path, (*above, path)):
+            follow(base, *inner)
         try:
             Manipulator.model_validate(base)
         except ValidationError:
             raise ConfigError(f"base: {name!r} is not a whole arm", where=where) from None
         given = set(links) if isinstance(links := arm.get("links"), Map) else set()
         complete_arm(arm, base, base_path.stem, path.stem if path else "arm")
-        return lambda changed: follow(arm, base, base_path.stem, given | changed)
+        return base, base_path.stem, given
 
     def named_file(self, name: str, *key: str | int, shipped: bool = True) -> Path:
-        """File that a key names: beside the configuration, or `shipped`.
-
-        What the command line names is looked for in the current folder first.
-        """
-        folders = [*([Path.cwd()] if self._is_option(key) else []), self.folder]
+        """File that a key names: beside the configuration, or `shipped`."""
         named, where = ".".join(map(str, key)), str(self.place(key))
-        return find_file(name, named, where, folders, self.files[:1], shipped=shipped)
-
-    def _take_motions_here(self) -> None:
-        """Give the whole path of motions that the command line names and the current folder has.
-
-        A name that stays as it is begins at the configuration's folder, for whoever reads it later.
-        """
-        runs = self.tree.get("runs")
-        inside = [("runs", run) for run in runs] if isinstance(runs, Map) else []
-        for path in ((*above, "reference") for above in ((), *inside)):
-            motion = entry(self.tree, path)
-            if isinstance(motion, Map) and isinstance(name := motion.get("file"), str):
-                here = Path.cwd() / name
-                if here.is_file() and self._is_option((*path, "file")):
-                    motion["file"] = str(here)
+        return find_file(name, named, where, [self.folder], self.files[:1], shipped=shipped)
 
     def place(self, path: Key) -> Location:
         """Place of an entry: the option that set it, else file and line."""
         return place(self.tree, path, self._name)
-
-    def _is_option(self, key: Key) -> bool:
-        """Whether the command line gave an entry; such a place has no line."""
-        return not self.place(key).line
 
     def validate(self, model: type[_M]) -> _M:
         """Make the model, or raise a ConfigError with a line for every mistake."""
@@ -267,6 +241,11 @@ class Draft:
             return model.model_validate(self.tree)
         except ValidationError as error:
             raise explain(error, self.tree, self._name) from None
+
+    def remarks(self, model: Model) -> Iterator[str]:
+        """Say of each value of the model that it is far from what is usual."""
+        for path, words in unusual(model):
+            yield f"{self.place(path)}: {'.'.join(map(str, path))}: {words}"
 
     def refuse(self, path: Key, words: str, hint: str | None = None) -> NoReturn:
         """Raise a ConfigError about an entry."""
@@ -279,8 +258,8 @@ class LoadedConfig:
 
     `tree` is `config` as plain values. `sha256` covers trajectory files too.
     Relative paths start at `folder`. `places` has ``file:line``, or the option, of the size of each
-    reference. `changes` are the overrides; `overrides` are the words of all that was asked for. `unread` has
-    a sentence about each override that changes nothing.
+    reference. `changes` are the overrides; `overrides` are the words of all that was asked for. `remarks` are
+    sentences about overrides that change nothing, and values that are unusual.
     """
 
     config: Config
@@ -292,7 +271,7 @@ class LoadedConfig:
     inputs: tuple[Path, ...]
     folder: Path
     places: Mapping[str, str]
-    unread: tuple[str, ...]
+    remarks: tuple[str, ...]
 
     @property
     def yaml_text(self) -> str:
@@ -366,7 +345,7 @@ def checked_config(
         inputs=(*draft.files, *trajectories),
         folder=draft.folder,
         places={".".join(path): str(draft.place((*path, "amplitude", "value"))) for path in references},
-        unread=tuple(_unread(config, changes)),
+        remarks=(*_unread(config, changes), *draft.remarks(config)),
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple, TypeAlias, TypeGuard
 
 from tendonrepro.configuration.strict_yaml import (
@@ -16,9 +17,11 @@ from tendonrepro.configuration.strict_yaml import (
     load,
     located,
     paths,
-    place,
 )
 from tendonrepro.errors import ConfigError, UsageError, did_you_mean
+
+FILES = ("manipulator", "base", "file")
+"""Keys that name files; a name that an option gives is looked for in the current folder first."""
 
 COMMAND_LINE = "assumed: set on the command line"
 
@@ -56,16 +59,16 @@ def overrides_of(given: Overrides | None, seed: int | None = None) -> list[Overr
 
 def override(key: str, value: object) -> Override:
     """A value by dotted key; arrays become lists, and paths text."""
-    text = json.dumps(value, default=lambda x: x.tolist() if hasattr(x, "tolist") else str(x))
-    path = _path(key, f"{key}={text}")
-    return Override(path, json.loads(text), f"{key}={text}", f"--set {_dotted(path)}")
+    told = json.dumps(value, default=lambda x: x.tolist() if hasattr(x, "tolist") else str(x))
+    return _read(f"{key}={told}", json.loads(told))
 
 
-def _read(text: str) -> Override:
+def _read(text: str, known: Node | None = None) -> Override:
+    """An override from its text; its value is in YAML, unless it is `known`."""
     key, equals, value = text.partition("=")
     path = _path(key if equals else "", text)
     option = f"--set {_dotted(path)}"
-    return Override(path, load(value, option), text, option)
+    return Override(path, load(value, option) if known is None else known, text, option)
 
 
 def _path(key: str, text: str) -> Key:
@@ -96,12 +99,13 @@ def _apply(tree: Map, change: Override) -> None:
     if isinstance(node, dict) and isinstance(last, str):
         node.setdefault(last, None)
     current, here = _below(node, last, change), Location(change.option)
-    if _is_quantity(current) and not isinstance(change.value, dict):
+    value = _found_here(last, change.value)
+    if is_quantity(current) and not isinstance(value, dict):
         nodes.append(current)
         node, last, current = current, "value", current["value"]
-    node[last], node.at[last] = located(_for_all(current, change.value), here), here
+    node[last], node.at[last] = located(_for_all(current, value), here), here
     for part in nodes:
-        if _is_quantity(part) and change.path[-1] != "source":
+        if is_quantity(part) and change.path[-1] != "source":
             part["source"] = COMMAND_LINE
 
 
@@ -111,13 +115,8 @@ def _refuse_ending(tree: Map, change: Override) -> None:
     alike = [path for path in paths(tree) if path[-1] == change.path[-1]]
     ending = [path for path in alike if _without_value(path)[-len(asked) :] == asked]
     if ending:
-        # First a key inside something that is named after it: the payload of the run with payload. Then those
-        # of the file itself.
-        def order(path: Key) -> tuple[bool, bool]:
-            inside = any(str(asked[0]) in str(part) for part in _without_value(path)[: -len(asked)])
-            return not inside, place(tree, path, "").name != tree.here.name
-
-        ending.sort(key=order)
+        # First a key inside something that is named after it: the payload of the run with payload.
+        ending.sort(key=lambda path: not any(str(asked[0]) in str(part) for part in path[: -len(asked)]))
         meant = " or ".join(repr(_dotted(path)) for path in ending[:3])
         message = f"unknown key {_dotted(change.path)!r}, did you mean {meant}?"
         raise ConfigError(message, where=change.option)
@@ -131,7 +130,7 @@ def _below(node: Parsed, part: str | int, change: Override) -> Parsed:
     if holds(node, part):
         return node[part]
     if isinstance(node, dict):
-        is_entry = isinstance(part, int) and _is_quantity(node)
+        is_entry = isinstance(part, int) and is_quantity(node)
         meant = f", did you mean 'value.{part}'?" if is_entry else did_you_mean(part, node)
         message = f"unknown key {str(part)!r}{meant}"
     elif isinstance(node, list):
@@ -148,7 +147,16 @@ def _for_all(current: Node, value: Node) -> Node:
     return value
 
 
-def _is_quantity(node: object) -> TypeGuard[Map]:
+def _found_here(key: str | int, value: Node) -> Node:
+    """A value in which files that the current folder has, as an arm or a motion, have their whole path."""
+    if isinstance(value, dict):
+        return {name: _found_here(name, inner) for name, inner in value.items()}
+    is_here = key in FILES and isinstance(value, str) and Path(value).is_file()
+    return str(Path.cwd() / str(value)) if is_here else value
+
+
+def is_quantity(node: object) -> TypeGuard[Map]:
+    """Whether a node is a value with its unit and source."""
     return isinstance(node, dict) and "value" in node and node.keys() <= {"value", "unit", "source"}
 
 

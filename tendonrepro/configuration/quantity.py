@@ -197,7 +197,9 @@ class Physical:
     def _validate(self, raw: object, handler: ValidatorFunctionWrapHandler) -> object:
         if not isinstance(raw, dict | Model):
             unit = f"'{self.units[0]}'" if self.units[0] == "1" else self.units[0]
-            example = f"{{value: ..., unit: {unit}, source: 'assumed: ...'}}"
+            number, _, told = raw.partition(" ") if isinstance(raw, str) else ("...", "", "")
+            number, unit = (number, told) if told in self.units else ("...", unit)
+            example = f"{{value: {number}, unit: {unit}, source: 'assumed: ...'}}"
             refuse(f"must carry unit and source, as in {example}, found {describe(raw)}")
         quantity = handler(raw)
         refuse_all(self._out_of_range(quantity, quantity.unit))
@@ -255,18 +257,16 @@ class Physical:
         }
 
 
-def unusual(part: Model, above: str = "") -> Iterator[str]:
+def unusual(part: object, path: Key = ()) -> Mistakes:
     """Say of each quantity in a model that it is far from what is usual."""
-    for name, field in type(part).model_fields.items():
-        value, key = getattr(part, name), f"{above}{name}"
-        if isinstance(value, Quantity):
-            rules = (rule for rule in field.metadata if isinstance(rule, Physical))
-            yield from (f"{key}: {words}" for rule in rules if (words := rule.unusual(value)))
-        elif isinstance(value, Model):
-            yield from unusual(value, f"{key}.")
-        elif isinstance(value, dict):
-            for word, item in value.items():
-                yield from unusual(item, f"{key}.{word}.")
+    inner = part.items() if isinstance(part, dict) else part if isinstance(part, Model) else ()
+    for name, value in inner:
+        if isinstance(part, Model) and isinstance(value, Quantity):
+            for rule in type(part).model_fields[name].metadata:
+                if isinstance(rule, Physical) and (words := rule.unusual(value)):
+                    yield (*path, name), words
+        else:
+            yield from unusual(value, (*path, name))
 
 
 positive = partial(Physical, above=0.0)

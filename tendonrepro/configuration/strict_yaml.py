@@ -132,7 +132,10 @@ def load(text: str, name: str) -> Parsed:
     except (yaml.YAMLError, ValueError) as error:  # ValueError: half of a surrogate pair
         problem = getattr(error, "problem", None) or "it contains control characters"
         hint = "Text that contains ': ' must be in quotes." if "mapping values" in problem else None
-        _refuse(f"not valid YAML: {problem}", name, getattr(error, "problem_mark", None), hint)
+        # Of a bracket that nobody closes: where it was opened.
+        is_open = "flow" in (getattr(error, "context", None) or "")
+        mark = getattr(error, "context_mark" if is_open else "problem_mark", None)
+        _refuse(f"not valid YAML: {problem}", name, mark, hint)
     if root is None:
         raise ConfigError("is empty", where=name)
     return _value(root, name, _location(name, root))

@@ -253,10 +253,11 @@ def config_list(*, talk: Telling = TALK) -> Answer[list[str]]:
 @command(CONFIG, Example("compare"))
 def config_show(config: Named, *, set: Changes = None) -> Answer[Json]:
     """A configuration as it is used: complete, changes applied."""
-    from tendonrepro.configuration.any_kind import shown
+    from tendonrepro.configuration.any_kind import checked
+    from tendonrepro.configuration.strict_yaml import dump
 
-    tree, text = shown(config, set or ())
-    return Answer(tree, text.rstrip(), tree)
+    tree = checked(config, set or ()).tree
+    return Answer(tree, dump(tree).rstrip(), tree)
 
 
 @command(CONFIG, Example(joints=2, out="mine/my_arm.yaml"))
@@ -293,22 +294,16 @@ def config_check(config: Named, *, set: Changes = None, talk: Telling = TALK) ->
     from tendonrepro.configuration.any_kind import checked
     from tendonrepro.configuration.ensemble import LoadedEnsemble
     from tendonrepro.configuration.load import LoadedConfig
-    from tendonrepro.configuration.quantity import unusual
     from tendonrepro.experiments.loops import all_loops
-    from tendonrepro.studies.lifecycle import remarks
 
     read = checked(config, set or ())
     known: Json = {"schema_version": 1, "config": config, "kind": "manipulator"}
     if isinstance(read, LoadedEnsemble):
         known |= {"kind": "ensemble", "config_sha256": read.sha256}
-        told = remarks(read.base)
     elif isinstance(read, LoadedConfig):
         runs = list(all_loops(read))
         known |= {"kind": read.config.experiment, "config_sha256": read.sha256, "runs": runs}
-        told = remarks(read)
-    else:
-        told = unusual(read)
-    known["remarks"] = [*told]
+    known["remarks"] = [*read.remarks]
     for sentence in known["remarks"]:
         talk.note(sentence)
     return Answer(known, f"{config}: valid {known['kind']}", known)

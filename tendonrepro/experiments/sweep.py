@@ -169,7 +169,9 @@ def load_grid(
         sha256=config_digest({"over": words, "points": [point.loaded.sha256 for point in points]}),
         inputs=tuple(dict.fromkeys(path for point in points for path in point.loaded.inputs)),
         # Of a key that is read at one point, the sweep shows what it does.
-        unread=tuple(set.intersection(*(set(point.loaded.unread) for point in points))),
+        remarks=tuple(
+            words for words in base.remarks if all(words in point.loaded.remarks for point in points)
+        ),
     )
     config = points[0].loaded.config
     n, total = len(config.joints), config.manipulator.joints

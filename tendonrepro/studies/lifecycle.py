@@ -9,13 +9,11 @@ from __future__ import annotations
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from tendonrepro.configuration.load import LoadedConfig
-from tendonrepro.configuration.quantity import unusual
 from tendonrepro.console import Talk
 from tendonrepro.errors import TendonreproError
 from tendonrepro.files import Json
@@ -169,13 +167,7 @@ def planned(study: Study, talk: Talk) -> dict[str, object]:
 
 def _tell_ahead(study: Study, talk: Talk) -> None:
     """Say what a user should know before a study begins: keys without effect, and how long it takes."""
-    for sentence in remarks(study.loaded) if study.loaded else ():
+    for sentence in study.loaded.remarks if study.loaded else ():
         talk.note(sentence)
     if study.cost:
         talk.note(cost_text(study.cost))
-
-
-def remarks(loaded: LoadedConfig) -> Iterator[str]:
-    """Name keys that change nothing, and values that are unusual."""
-    yield from loaded.unread
-    yield from unusual(loaded.config)

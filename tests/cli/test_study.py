@@ -56,3 +56,13 @@ def test_configuration_commands_know_the_ensemble(tmp_path: Path) -> None:
     run("config", "init", "ensemble", "--out", "mine", cwd=tmp_path)
     copied = answer("config", "check", "mine/ensemble.yaml", cwd=tmp_path)
     assert copied["config_sha256"] == checked["config_sha256"]
+
+
+def test_what_is_unusual_is_told_once_with_its_line(tmp_path: Path) -> None:
+    run("config", "init", "--joints", "2", "--out", "mine", cwd=tmp_path)
+    arm = tmp_path / "mine" / "my_arm.yaml"
+    arm.write_text(arm.read_text().replace("winch_diameter: 37", "winch_diameter: 0.04"))
+    (line,) = (k for k, text in enumerate(arm.read_text().splitlines(), 1) if "winch_diameter" in text)
+    for words in (["compare"], ["reproduce"], ["config", "check"]):
+        given = ["mine/compare.yaml"] if "check" in words else ["--config", "mine/compare.yaml", "--dry-run"]
+        assert run(*words, *given, cwd=tmp_path).stderr.count(f"my_arm.yaml:{line}: ") == 1

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import tendonrepro as tr
-from tendonrepro.configuration.any_kind import checked, init_arm, shown
+from tendonrepro.configuration.any_kind import LoadedArm, checked, init_arm
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.errors import ConfigError, UsageError
@@ -47,8 +47,8 @@ def folder(tmp_path: Path) -> Path:
 def arm_of(folder: Path, text: str = ARM) -> Manipulator:
     (folder / "my_arm.yaml").write_text(text, encoding="utf-8")
     held = checked(str(folder / "my_arm.yaml"), ())
-    assert isinstance(held, Manipulator)
-    return held
+    assert isinstance(held, LoadedArm)
+    return held.config
 
 
 def refused(folder: Path, text: str) -> str:
@@ -70,7 +70,7 @@ def test_bare_numbers_take_the_units_of_the_base(folder: Path) -> None:
 
 
 def test_what_is_left_out_is_marked_as_taken_over(folder: Path) -> None:
-    tree, _ = shown(str(folder / "my_arm.yaml"), ())
+    tree: Any = checked(str(folder / "my_arm.yaml"), ()).tree
     assert tree["winches"]["viscous"] == {
         "value": [1.0, 1.0], "unit": "N m s rad-1", "source": "assumed: from plain_arm",
     }  # fmt: skip
@@ -110,8 +110,7 @@ def test_more_joints_than_the_base_repeat_its_last_one(folder: Path) -> None:
 
 def test_an_arm_based_on_ones_own(folder: Path) -> None:
     (folder / "heavy.yaml").write_text("base: my_arm.yaml\nlinks: {mass: 2}\n", encoding="utf-8")
-    heavy = checked(str(folder / "heavy.yaml"), ())
-    assert isinstance(heavy, Manipulator)
+    heavy: Any = checked(str(folder / "heavy.yaml"), ()).config
     np.testing.assert_array_equal(heavy.links.mass.si, [2.0, 2.0])
     np.testing.assert_allclose(heavy.links.inertia.si, 0.098 * 2.0 * heavy.links.length.si**2)
     np.testing.assert_array_equal(heavy.tendons.axial_stiffness.si, [3e4, 3e4])
@@ -120,8 +119,8 @@ def test_an_arm_based_on_ones_own(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "place"),
     [
-        ("mass: [0.8, 0.4]", "mass: [0.8, 0.4, 0.2]", "my_arm.yaml:3: links.mass: must have 2 entries"),
-        ("[0, 40]]", "[0, 40, 1]]", "my_arm.yaml:4: routing.pulley_diameter: must have 2 entries"),
+        ("mass: [0.8, 0.4]", "mass: [0.8, 0.4, 0.2]", "my_arm.yaml:3: links.mass.value: must have 2 entries"),
+        ("[0, 40]]", "[0, 40, 1]]", "my_arm.yaml:4: routing.pulley_diameter.value: must have 2 entries"),
         ("joints: 2", "joints: 9", "my_arm.yaml:2"),
         ("joints: 2", "joints: two", "my_arm.yaml:2"),
         ("mass: [0.8, 0.4]", "inertia: -1", "my_arm.yaml:3: links.inertia.value.0"),
@@ -183,7 +182,7 @@ def test_the_base_of_an_experiment_may_have_one_itself(folder: Path) -> None:
 
 def test_lengths_of_an_experiment_are_told_before_anything_else(folder: Path) -> None:
     (folder / "compare.yaml").write_text(COMPARE + "control: {gains: {lam: [8, 8, 8]}}\n", encoding="utf-8")
-    with pytest.raises(ConfigError, match=r"compare.yaml:6: control.gains.lam: must have 2 entries"):
+    with pytest.raises(ConfigError, match=r"compare.yaml:6: control.gains.lam.value: must have 2 entries"):
         load_config(folder / "compare.yaml", "compare")
 
 
