@@ -106,8 +106,8 @@ def sweep(
     over
         One or two keys, each with its values.
     """
+    from tendonrepro.experiments.report import sweep_result
     from tendonrepro.experiments.sweep import load_grid, simulate
-    from tendonrepro.experiments.sweep_report import sweep_result
 
     grid = load_grid(over, config, overrides=set, seed=seed, controllers=controllers)
     return Study(grid.base, lambda site: sweep_result(simulate(grid, site.talk)), folder)

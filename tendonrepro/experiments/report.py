@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from tendonrepro.experiments.statics import STRETCH, Survey
+from tendonrepro.experiments.sweep import Sweep, text_of
 from tendonrepro.results.tables import Table, rounded
+from tendonrepro.simulation.resolution import COMPILED_STEPPER
 from tendonrepro.studies.result import Result
 
 
@@ -44,3 +46,30 @@ def statics_result(survey: Survey) -> Result:
     ]
     figures = {"margin": lambda: draw_statics(survey)} if survey.maps else {}
     return Result(data, parts, figures, {"solver": None})
+
+
+def sweep_result(sweep: Sweep) -> Result:
+    """All views of a sweep."""
+    from tendonrepro.experiments.figures import draw_sweep
+
+    grid, base = sweep.grid, sweep.grid.base
+    data = {
+        "schema_version": 2,
+        "experiment": "sweep",
+        "config": base.origin,
+        "config_sha256": base.sha256,
+        "joints": list(grid.joints),
+        "runs": grid.runs,
+        "keys": [{"key": axis.key, "unit": axis.unit, "values": axis.values} for axis in grid.axes],
+        "points": sweep.points,
+        "rows": sweep.rows,
+    }
+    swept = f"{base.origin} over {' and '.join(axis.key for axis in grid.axes)}, sweep {base.sha256[:12]}"
+    parts = [
+        Table("points", f"{swept}: MAE of each run, deg, and ratios of MAE.", sweep.points),
+        Table("sweep", f"{swept}. A diverged run has its numbers up to its end.", sweep.rows, terminal=()),
+    ]
+    over = [f"{axis.key}={','.join(map(text_of, axis.values))}" for axis in grid.axes]
+    manifest = {"solver": {"name": COMPILED_STEPPER}, "over": over, "points": len(grid.points)}
+    diverged = any(row["status"] == "diverged" for row in sweep.rows)
+    return Result(data, parts, {"sweep": lambda: draw_sweep(sweep)}, manifest, diverged=diverged)

@@ -3,34 +3,31 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
-from typing import NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import ConfigLike, LoadedConfig, config_digest, find_source, load_config
-from tendonrepro.configuration.models.experiment import CompareConfig, errors_from
+from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.configuration.overrides import Overrides, override, overrides_of
 from tendonrepro.configuration.strict_yaml import Node, load
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import ConfigError, UsageError
-from tendonrepro.experiments.loops import all_loops, slow_error_ratio
+from tendonrepro.experiments.loops import all_loops
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.summary import PAIRS
-from tendonrepro.simulation.batch import simulate_batch
+from tendonrepro.results.tables import TableRows
 from tendonrepro.simulation.loop import Loop
 
-Statuses: TypeAlias = NDArray[np.str_]
+if TYPE_CHECKING:
+    from tendonrepro.simulation.batch import Batch
 
 OPTION = "--over"
-
-_EXAMPLE = f"For example {OPTION} sampling_period=0.5,1,2"
-_PERIOD, _STEP = "sampling_period", "solver.max_step"
 
 SweptValues: TypeAlias = Sequence[str] | Mapping[str, Sequence[object]]
 """Texts ``key=a,b,c`` as of the command line; or values by dotted key, as of Python."""
@@ -40,6 +37,9 @@ IN_DEGREES = {"mae_deg": "mae", "rmse_deg": "rmse", "max_deg": "max_error", "ove
 
 IN_SI = ("s_rms", "torque_rms", "torque_step_rms", "H_hat_rms", "epsilon_rms", "saturated", "fast_share")
 """What else is kept, under the batch's names."""
+
+LASTED = ("ok", "ringing")
+"""Statuses of runs whose errors can be compared."""
 
 
 @dataclass(frozen=True)
@@ -53,28 +53,23 @@ class Axis:
     key: str
     values: Sequence[Node]
     unit: str | None
-    numbers: list[list[float]] | None
+    numbers: Array | None
 
 
 class Point(NamedTuple):
-    """One configuration of a sweep; `places` has the index of each key's value."""
+    """One configuration of a sweep."""
 
     label: str
     values: Mapping[str, Node]
-    places: list[int]
     loaded: LoadedConfig
     loops: Mapping[str, Loop]
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Configurations of a sweep, checked.
-
-    `base` is unchanged but for the digest and inputs of the whole. `words` are what was asked for.
-    """
+    """Configurations of a sweep, checked; `base` is unchanged but for the digest and inputs of the whole."""
 
     base: LoadedConfig
-    words: list[str]
     axes: Sequence[Axis]
     points: Sequence[Point]
 
@@ -89,41 +84,18 @@ class Grid:
         return list(self.points[0].loops)
 
 
-class ErrorRatio(NamedTuple):
-    """Ratio of two runs' MAE, (P, n), NaN where one did not last; and as a slow load would give it."""
-
-    simulated: Array
-    predicted: Array
-
-
 @dataclass(frozen=True)
 class Sweep:
-    """What the runs of a sweep gave: P points, R runs, n joints.
+    """What the runs of a sweep gave.
 
-    Attributes
-    ----------
-    status : array of str (P, R)
-    status_time : array (P, R)
-        End of each run, s.
-    steps : array of int (P, R)
-        Integrator's steps in a sampling period.
-    sizes : mapping of str to array (P, R, n)
-        By the names of `IN_DEGREES`, deg, and of `IN_SI`. A diverged run has its sizes up to its end.
-    ratios : mapping of str to Ratio
-        By the names of `PAIRS`, those whose runs are there.
+    `rows` has a row for each point, run and joint; a diverged run has its sizes up to its end. `points` has
+    one for each point and joint, with the MAE of every run, deg, and ratios of MAE by the names of `PAIRS`,
+    NaN where one did not last.
     """
 
     grid: Grid
-    status: Statuses
-    status_time: Array
-    steps: NDArray[np.int64]
-    sizes: Mapping[str, Array]
-    ratios: Mapping[str, ErrorRatio]
-
-    def named(self, status: str) -> list[str]:
-        """Points and runs that ended so."""
-        places = np.argwhere(self.status == status)
-        return [f"{self.grid.points[p].label} {self.grid.runs[r]}" for p, r in places]
+    rows: TableRows
+    points: TableRows
 
 
 def load_grid(
@@ -144,42 +116,41 @@ def load_grid(
         If a point is no configuration; names the point.
     """
     values_of = parse_over(over)
-    if seed is not None and not {"seed", "seed.value"}.isdisjoint(values_of):
+    if seed is not None and "seed" in values_of:
         raise UsageError("the seed is swept, so --seed has no place", where=OPTION)
     changes = overrides_of(overrides)
     # Standard input can be read only once.
-    load_one = partial(
-        load_config, find_source(source, "compare"), "compare", seed=seed, controllers=controllers
-    )
+    source = find_source(source, "compare")
+    load_one = partial(load_config, source, "compare", seed=seed, controllers=controllers)
     base = load_one(overrides=changes)
     points = []
-    for places in product(*(range(len(values)) for values in values_of.values())):
-        chosen = {key: values_of[key][place] for key, place in zip(values_of, places, strict=True)}
+    for values in product(*values_of.values()):
+        chosen = dict(zip(values_of, values, strict=True))
         label = " ".join(f"{key}={text_of(value)}" for key, value in chosen.items())
-        changed = _following_step(chosen, base.config.sampling_period.unit) | chosen
+        # The longest step of single runs must divide the sampling period.
+        step = {"solver.max_step": chosen["sampling_period"]} if "sampling_period" in chosen else {}
+        changed = [override(key, value) for key, value in (step | chosen).items()]
         try:
-            loaded = load_one(overrides=[*changes, *(override(key, value) for key, value in changed.items())])
-            points.append(Point(label, chosen, [*places], loaded, all_loops(loaded)))
+            loaded = load_one(overrides=[*changes, *changed])
+            points.append(Point(label, chosen, loaded, all_loops(loaded)))
         except ConfigError as error:
             raise ConfigError(str(error), where=f"{OPTION} {label}") from None
     _check_comparable(points)
-    words = _words_of(over)
     base = replace(
         base,
-        sha256=config_digest({"over": words, "points": [point.loaded.sha256 for point in points]}),
+        sha256=config_digest({point.label: point.loaded.sha256 for point in points}),
         inputs=tuple(dict.fromkeys(path for point in points for path in point.loaded.inputs)),
         # Of a key that is read at one point, the sweep shows what it does.
         remarks=tuple(
             words for words in base.remarks if all(words in point.loaded.remarks for point in points)
         ),
     )
-    config = points[0].loaded.config
-    n, total = len(config.joints), config.manipulator.joints
+    n = len(points[0].loaded.config.joints)
     axes = [
-        Axis(key, values, unit_of(key, base.tree), numbers_per_joint(values, n, total))
+        Axis(key, values, unit_of(key, base.tree), numbers_per_joint(values, n))
         for key, values in values_of.items()
     ]
-    return Grid(base, words, axes, points)
+    return Grid(base, axes, points)
 
 
 def _check_comparable(points: Sequence[Point]) -> None:
@@ -192,50 +163,22 @@ def _check_comparable(points: Sequence[Point]) -> None:
 
 
 def parse_over(over: SweptValues) -> dict[str, list[Node]]:
-    """Values by key; a UsageError where it is not over one or two keys."""
+    """Values by key; a UsageError where it is not over one or two keys with two values or more."""
     if isinstance(over, Mapping):
-        pairs = [(key, _checked(str(key), override(key, values).value)) for key, values in over.items()]
+        pairs = [(key, override(key, values).value) for key, values in over.items()]
     else:
-        pairs = [_parsed(text) for text in over]
-    values_of = dict(pairs)
+        texts = [text.partition("=") for text in over]
+        pairs = [(key.strip(), load(f"[{listed}]", f"{OPTION} {key}")) for key, _, listed in texts]
+    values_of = {key: values for key, values in pairs if isinstance(values, list) and len(values) > 1}
     if not 1 <= len(values_of) == len(pairs) <= 2:
-        message = f"a sweep is over one or two keys, each given once, not {len(pairs)}"
-        raise UsageError(message, where=OPTION, hint=_EXAMPLE)
+        message = f"a sweep is over one or two keys, each given once with two values or more, not {over!r}"
+        raise UsageError(message, where=OPTION, hint=f"For example {OPTION} sampling_period=0.5,1,2")
     return values_of
-
-
-def _parsed(text: str) -> tuple[str, list[Node]]:
-    key, equals, listed = text.partition("=")
-    key = key.strip()
-    return key, _checked(text, load(f"[{listed}]", f"{OPTION} {key}") if equals else None)
-
-
-def _checked(text: str, values: Node) -> list[Node]:
-    if not isinstance(values, list) or len(values) < 2:
-        message = f"{text!r} is not of the form key=a,b,c with two values or more"
-        raise UsageError(message, where=OPTION, hint=_EXAMPLE)
-    return values
-
-
-def _words_of(over: SweptValues) -> list[str]:
-    """What was asked for, as on the command line."""
-    if not isinstance(over, Mapping):
-        return list(over)
-    return [f"{key}={','.join(map(text_of, values))}" for key, values in parse_over(over).items()]
 
 
 def text_of(value: Node) -> str:
     """A value for a reader."""
     return value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
-
-
-def _following_step(chosen: Mapping[str, Node], unit: str) -> dict[str, Node]:
-    """Let the other solver's longest step, which must divide the sampling period, follow it."""
-    period = chosen.get(_PERIOD, chosen.get(f"{_PERIOD}.value"))
-    if period is None or any(key.startswith(_STEP) for key in chosen):
-        return {}
-    quantity: Node = {"value": period, "unit": unit, "source": "assumed: the sampling period"}
-    return {_STEP: period if isinstance(period, dict) else quantity}
 
 
 def unit_of(key: str, tree: Mapping[str, Node]) -> str | None:
@@ -248,57 +191,56 @@ def unit_of(key: str, tree: Mapping[str, Node]) -> str | None:
     return unit if isinstance(unit, str) else None
 
 
-def numbers_per_joint(values: Sequence[Node], n: int, total: int) -> list[list[float]] | None:
-    """Values as numbers for each of the n moving joints, the last of `total`.
+def numbers_per_joint(values: Sequence[Node], n: int) -> Array | None:
+    """Values as numbers for each of the n moving joints, the last ones of a list, (values, n).
 
     None where they are no numbers, or two are the same for a joint.
     """
-    rows = [value if isinstance(value, list) else [value] * n for value in values]
-    numbers = [[float(x) for x in row if isinstance(x, float | int)][-n:] for row in rows]
-    if any(len(row) not in (n, total) for row in rows) or any(len(row) < n for row in numbers):
+    try:
+        numbers = np.array([np.broadcast_to(np.array(x, dtype=float, ndmin=1)[-n:], n) for x in values])
+    except (TypeError, ValueError):
         return None
-    distinct = all(len(set(column)) == len(column) for column in zip(*numbers, strict=True))
-    return numbers if distinct else None
+    return numbers if all(len(np.unique(column)) == len(values) for column in numbers.T) else None
 
 
 def simulate(grid: Grid, talk: Talk) -> Sweep:
     """Simulate every run of every point."""
+    # Where nothing is run, whoever imports this needs no compiler.
+    from tendonrepro.simulation.batch import simulate_batch
+
     total = sum(len(point.loops) for point in grid.points)
+    rows: list[dict[str, object]] = []
+    points: list[dict[str, object]] = []
     with talk.bar(f"simulating {count_of(total, 'run')}", total) as progress:
-        batches = [simulate_batch([*point.loops.values()], progress=progress) for point in grid.points]
-    status = np.array(STATUSES)[np.array([batch.status for batch in batches])]
-
-    def stacked(name: str) -> Array:
-        return np.stack([batch.statistics[name] for batch in batches])
-
-    sizes = {name: np.rad2deg(stacked(statistic)) for name, statistic in IN_DEGREES.items()}
-    return Sweep(
-        grid=grid,
-        status=status,
-        status_time=np.array([batch.status_time for batch in batches]),
-        steps=np.array([batch.steps for batch in batches]),
-        sizes=sizes | {name: stacked(name) for name in IN_SI},
-        ratios={
-            pair: ErrorRatio(
-                ratio_of(sizes["mae_deg"], status, [grid.runs.index(run) for run in both]),
-                np.array([_predicted(point, both) for point in grid.points]),
-            )
-            for pair, both in PAIRS.items()
-            if set(both) <= set(grid.runs)
-        },
-    )
+        for point in grid.points:
+            batch = simulate_batch([*point.loops.values()], progress=progress)
+            rows += _run_rows(point, batch, grid.joints)
+            points += _point_rows(point, batch, grid.joints)
+    return Sweep(grid, rows, points)
 
 
-def ratio_of(mae: Array, status: Statuses, pair: Sequence[int]) -> Array:
-    """Ratio (P, n) of MAE (P, R, n) of two of the runs, NaN where one of them did not last."""
-    first, second = (mae[:, run] for run in pair)
-    lasted = np.isin(status[:, pair], ("ok", "ringing")).all(axis=1, keepdims=True)
-    unknown = np.full_like(first, np.nan)
-    return np.divide(first, second, out=unknown, where=(second > 0.0) & lasted)
+def _run_rows(point: Point, batch: Batch, joints: Sequence[int]) -> Iterator[dict[str, object]]:
+    """Values of the keys, then all numbers of a run and joint."""
+    texts = {key: text_of(value) for key, value in point.values.items()}
+    sizes = {name: np.rad2deg(batch.statistics[statistic]) for name, statistic in IN_DEGREES.items()}
+    sizes |= {name: batch.statistics[name] for name in IN_SI}
+    for r, run in enumerate(point.loops):
+        status = {"status": STATUSES[batch.status[r]], "status_time_s": float(batch.status_time[r])}
+        for k, joint in enumerate(joints):
+            numbers = {name: float(size[r, k]) for name, size in sizes.items()}
+            yield {**texts, "run": run, "joint": joint, **status, **numbers}
 
 
-def _predicted(point: Point, pair: Sequence[str]) -> Array:
-    """Ratio of two runs' errors under a slow load, (n,)."""
-    config = point.loaded.config
-    assert isinstance(config, CompareConfig)
-    return slow_error_ratio(config, [config.runs[run].law for run in pair])
+def _point_rows(point: Point, batch: Batch, joints: Sequence[int]) -> Iterator[dict[str, object]]:
+    """MAE of every run, ratios, and the runs that are not ok."""
+    status = {run: STATUSES[code] for run, code in zip(point.loops, batch.status, strict=True)}
+    bad = [f"{run} {word}" for run, word in status.items() if word != "ok"]
+    for k, joint in enumerate(joints):
+        mae = dict(zip(status, np.rad2deg(batch.statistics["mae"][:, k]).tolist(), strict=True))
+        comparable = {run for run in mae if status[run] in LASTED and mae[run] > 0.0}
+        ratios = {
+            pair: mae[a] / mae[b] if {a, b} <= comparable else np.nan
+            for pair, (a, b) in PAIRS.items()
+            if {a, b} <= mae.keys()
+        }
+        yield {"point": point.label, "joint": joint, **mae, **ratios, "status": bad or "ok"}

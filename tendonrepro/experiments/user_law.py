@@ -27,7 +27,6 @@ from tendonrepro.physics.arm import gravity_torque, mass_matrix
 from tendonrepro.physics.control import Law, Memory, estimator_weights
 from tendonrepro.simulation.codegen.symbols import UnknownValueError
 from tendonrepro.simulation.loop import CommandFunction, Loop, TimeDelayController
-from tendonrepro.simulation.stepper import simulate
 
 
 def model_of(config: CompareConfig) -> SimpleNamespace:
@@ -197,6 +196,9 @@ def refuse_memory(law: UserLaw, loop: Loop) -> None:
 
     Many plants together are one record of what it does with its arguments, so such a law cannot run on them.
     """
+    # Where nothing is run, whoever imports this needs no compiler.
+    from tendonrepro.simulation.stepper import simulate
+
     blank = SimpleNamespace()
     asked, fresh = checked(law, blank), checked(law, blank)
     questions: list[tuple[Memory, Array, Array, Array, Array, Law]] = []
