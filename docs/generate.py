@@ -28,7 +28,7 @@ from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import COMPARED, published
 from tendonrepro.configuration.shown import GROUPS, KEPT
 from tendonrepro.evidence.figure_predictions import draw_predictions
-from tendonrepro.identification.edits.figures_edits import draw_edits
+from tendonrepro.identification.edits.figure import draw_edits
 from tendonrepro.monte_carlo.shares import printed_ratios
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.figures import draw_answer, draw_orders
@@ -76,7 +76,7 @@ def pictures() -> dict[str, Drawing]:
             tuned["laws"], {name: law.title for name, law in LAWS.items()}, on=f"{tuned['plants']} plants"
         ),
         draw_predictions(found["experiments"], found["readings"], found["joints"]),
-        draw_edits(edits["edits"], edits["ratios"], edits["factor"], edits["plants"]),
+        draw_edits(edits["edits"], edits["ratios"], edits["plants"]),
     )
     return {drawing.stem: drawing for drawing in drawn}
 

@@ -1,9 +1,9 @@
-"""A control law as the operations that it makes, and the law again with some of them changed."""
+"""A control law as the operations that it makes, each with its equation, and the law with some changed."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +14,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array, Numeric, choose
 from tendonrepro.physics import control
-from tendonrepro.physics.control import Law, Memory, start_memory
+from tendonrepro.physics.control import Law, Memory, Surface, start_memory
 from tendonrepro.simulation.codegen.symbols import (
     FUNCTIONS,
     OPERATORS,
@@ -45,6 +45,11 @@ ANSWER = ("tau", "H_hat", "s", "de")
 OLD = "@"
 """In a change, the operand that it replaces."""
 
+SURFACES = {Surface.NTSM: "Eq. (11)", Surface.TSM: "surface of Controller 3", Surface.PD: "Eq. (9)"}
+FEEDBACKS = {Surface.NTSM: "Eq. (18)", Surface.TSM: "u of Controller 3", Surface.PD: "Eq. (9)"}
+UNPRINTED = "no equation"
+"""Where what is no equation of the paper stands: the error, and how its rate is measured."""
+
 _INSIDE = str(Path(__file__).parents[2]), str(Path(np.__file__).parent)
 
 Place: TypeAlias = tuple[str, int]
@@ -52,8 +57,6 @@ Place: TypeAlias = tuple[str, int]
 New: TypeAlias = float | str | Line
 """What stands in place of an operand: a number, an earlier line, or a line of its own."""
 Changes: TypeAlias = Mapping[Place, New]
-Given: TypeAlias = Mapping[str, Any]
-"""What a law is called with, by name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,34 +69,47 @@ class RecordedLaw:
         By name; what is in no table of operations is an input, with its place in its array.
     outputs
         `ANSWER`, and ``ddq`` of Eq. (16) where the law is the paper's, by joint.
-    symbols
-        The law whose gains are inputs, and ``q``, ``q_d`` and ``ddq_d`` (n,) beside them.
-    written
-        Line of the user's file that wrote an operation.
+    labels
+        Letters of the lines that are a quantity of the paper.
+    equations
+        Equation of a line, or the line of the user's file that wrote it.
     law
         From which it was recorded; its whole numbers and truths chose branches.
     """
 
     lines: dict[str, Line]
     outputs: Mapping[str, Sequence[str | float]]
-    symbols: tuple[Law, Array, Array, Array]
-    written: Mapping[str, int]
+    labels: Mapping[str, str]
+    equations: Mapping[str, str]
     law: Law
     command: CommandFunction
 
 
 class _Recorder(Tape):
-    """A tape that knows which line of a user's file wrote an operation."""
+    """A tape that knows which line of a user's file wrote an operation, and which equation it belongs to."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.written: dict[str, int] = {}
+        self.written: dict[str, str] = {}
+        self.labels: dict[str, str] = {}
+        self.equations: dict[str, str] = {}
 
     def write(self, operation: str, *operands: Operand) -> Symbol:
         symbol = super().write(operation, *operands)
-        if symbol.name not in self.written:
-            self.written[symbol.name] = _line_outside()
+        self.written.setdefault(symbol.name, f"line {_line_outside()}")
         return symbol
+
+    def claim(self, value: Operand, equation: str, label: str) -> None:
+        """Give a line its label, and its equation to all that it needs and that have none."""
+        name = as_operand(value)
+        if isinstance(name, str) and self.lines[name][0] in APPLIED:
+            self.labels.setdefault(name, label)
+        waiting = [name]
+        while waiting:
+            line = waiting.pop()
+            if isinstance(line, str) and self.lines[line][0] in APPLIED and line not in self.equations:
+                self.equations[line] = equation
+                waiting += self.lines[line][1]
 
 
 def _line_outside() -> int:
@@ -104,7 +120,7 @@ def _line_outside() -> int:
     return frame.f_lineno if frame else 0
 
 
-def input_of(tape: Tape, name: str, *shape: int) -> Array:
+def _input(tape: Tape, name: str, *shape: int) -> Array:
     """Symbols of an input array."""
     cells = np.empty(shape, dtype=object)
     for index in np.ndindex(shape):
@@ -112,13 +128,13 @@ def input_of(tape: Tape, name: str, *shape: int) -> Array:
     return cells
 
 
-def symbolic_law(tape: Tape, law: Law) -> Law:
+def _symbolic(tape: Tape, law: Law) -> Law:
     """A law whose gains are symbols; whole numbers, truths, and what is 0 or 1 in it stay."""
     n = law.M_bar.size
-    own: dict[str, Any] = {name: input_of(tape, f"law.{name}", n) for name in GAINS}
+    own: dict[str, Any] = {name: _input(tape, f"law.{name}", n) for name in GAINS}
     own |= {name: tape.write(f"law.{name}") for name in SCALARS}
     if law.weights[1].any():
-        alpha = input_of(tape, ALPHA, n)
+        alpha = _input(tape, ALPHA, n)
         own["weights"] = np.stack([1.0 - alpha, alpha])
     own["rate_gain"] = own["eta"] if np.array_equal(law.rate_gain, law.eta) else law.rate_gain
     return law._replace(**own)
@@ -133,18 +149,49 @@ def recorded(law: Law, command: CommandFunction | None = None) -> RecordedLaw:
         Where it branches on a number.
     """
     tape, n = _Recorder(), law.M_bar.size
-    symbols = symbolic_law(tape, law)
-    shapes = {
-        name: part.shape for name, part in start_memory(np.zeros(n), np.zeros(n), law.lag)._asdict().items()
-    }
-    memory = Memory(**{name: input_of(tape, f"memory.{name}", *shape) for name, shape in shapes.items()})
-    q, q_d, dq_d, ddq_d = (input_of(tape, name, n) for name in ("q", "q_d", "dq_d", "ddq_d"))
+    symbols = _symbolic(tape, law)
+    start = start_memory(np.zeros(n), np.zeros(n), law.lag)._asdict()
+    memory = Memory(**{name: _input(tape, f"memory.{name}", *part.shape) for name, part in start.items()})
+    q, q_d, dq_d, ddq_d = (_input(tape, name, n) for name in ("q", "q_d", "dq_d", "ddq_d"))
     own = command or control.command
     outputs = dict(zip(ANSWER, own(memory, q, q_d, dq_d, ddq_d, symbols), strict=True))
     if command is None:
         outputs["ddq"] = control.delayed_acceleration(memory, q, symbols)
+        for part in _quantities(symbols, q_d - q, ddq_d, outputs):
+            tape.claim(*part)
     by_joint = {name: [as_operand(value) for value in values] for name, values in outputs.items()}
-    return RecordedLaw(tape.lines, by_joint, (symbols, q, q_d, ddq_d), tape.written, law, own)
+    return RecordedLaw(tape.lines, by_joint, tape.labels, tape.written | tape.equations, law, own)
+
+
+def _quantities(
+    law: Law, error: Array, ddq_d: Array, outputs: Mapping[str, Array]
+) -> Iterator[tuple[Operand, str, str]]:
+    """Quantities of the paper's equations with their equation and letters, the innermost first.
+
+    The functions of `physics.control` write each of them on the tape again, which gives the same lines.
+    """
+    surface = Surface(law.surface)
+    # α is a symbol, or there is none.
+    estimate = "Eq. (15)" if law.weights.dtype == object else "Eq. (8)"
+    for i, e in enumerate(error):
+        de = outputs["de"][i]
+        yield e, UNPRINTED, "e"
+        yield de, UNPRINTED, "ė"
+        yield outputs["ddq"][i], "Eq. (16)", "q̈(t−L)"
+        yield law.weights[0][i], estimate, "1 − α"
+        if surface is Surface.NTSM:
+            x, b = e * law.angle_scale, law.b[i]
+            yield x, "Eq. (12)", "e"
+            for gamma, label in zip(control.polynomial(b, law.Delta[i]), "₁₂", strict=True):
+                yield gamma, "Eq. (13)", f"γ{label}"
+            yield control.sig(x, b), "Eq. (12)", "sig(e)^b"
+            yield control.phi(e, law, i), "Eq. (12)", "φ"
+            yield control.phi_slope(e, law, i), "φ̇ of Eq. (18)", "∂φ/∂e"
+        s, feedback = control.surface_and_feedback(e, de, law, i)
+        yield s, SURFACES[surface], "s"
+        yield ddq_d[i] + feedback, FEEDBACKS[surface], "u"
+        yield outputs["H_hat"][i], estimate, "Ĥ"
+        yield outputs["tau"][i], "Eq. (17)", "τ"
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,8 +227,8 @@ class EditedLaw:
         tau, H_hat, s, de = self.played(ANSWER, given)
         return tau, H_hat, s, de
 
-    def played(self, names: Sequence[str], given: Given) -> list[Array]:
-        """Carry out what some outputs need."""
+    def played(self, names: Sequence[str], given: Mapping[str, Any]) -> list[Array]:
+        """Carry out what some outputs need, on what a law is called with, by name."""
         values: dict[str, Numeric] = {}
 
         def value(operand: str | float) -> Numeric:
@@ -191,7 +238,7 @@ class EditedLaw:
                 operation, operands = self.lines[operand]
                 is_input = operation not in APPLIED
                 values[operand] = (
-                    _given(operation, operands, given)
+                    _entry(operation, operands, given)
                     if is_input
                     else APPLIED[operation](*map(value, operands))
                 )
@@ -216,7 +263,7 @@ class EditedLaw:
         return kept._replace(ddq=np.concatenate((ddq[np.newaxis], memory.ddq[:-1])))
 
 
-def _given(operation: str, place: Sequence[str | float], given: Given) -> Numeric:
+def _entry(operation: str, place: Sequence[str | float], given: Mapping[str, Any]) -> Numeric:
     """An entry of what a law is called with."""
     record, _, name = operation.partition(".")
     array = given[record]

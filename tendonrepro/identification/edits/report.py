@@ -43,7 +43,7 @@ EditRow: TypeAlias = dict[str, Any]
 
 def edits_result(variants: Variants, outcomes: Mapping[str, Outcomes], seed: int) -> Result:
     """Numbers, the table and the picture, from outcomes by reading; the first is the one that ranks."""
-    from tendonrepro.identification.edits.figures_edits import draw_edits
+    from tendonrepro.identification.edits import figure
 
     rows_of = {name: edit_rows(variants.edits, of) for name, of in outcomes.items()}
     of, rows = next(iter(outcomes.values())), next(iter(rows_of.values()))
@@ -70,11 +70,10 @@ def edits_result(variants: Variants, outcomes: Mapping[str, Outcomes], seed: int
         data["planted_apart"] = planted(outcomes[APART], PAPERS, seed)
     every = [*_table(rows, ratios)]
     caption = f"Edits of one place each on {plants} plants, most likely first."
-    table = Table(
-        "edits", caption, every, terminal=_SHOWN, printed=Table("edits", caption, every[: 1 + SHOWN])
-    )
-    draw = partial(draw_edits, rows, ratios, of.factor, plants)
-    drawings = {"edits": draw} if any(row["ranked"] for row in rows[1:]) else {}
+    printed = Table("edits", caption, every[: 1 + SHOWN])
+    table = Table("edits", caption, every, terminal=_SHOWN, printed=printed)
+    is_drawn = figure.pairs_of(ratios) and any(row["ranked"] for row in rows[1:])
+    drawings = {"edits": partial(figure.draw_edits, rows, ratios, plants)} if is_drawn else {}
     return Result(data, [*_sentences(data), table], drawings)
 
 
@@ -88,11 +87,7 @@ def edit_rows(edits: Sequence[Variant], of: Outcomes) -> list[EditRow]:
             "edit": edit.name,
             "runs": list(edit.laws),
             "also": list(edit.others),
-            "stable": int(of.stable[k].sum()),
-            "stable_share": float(of.stable[k].mean()),
-            **_order(of, k),
-            "ratios": [*_quantiles(of, k, ratios)],
-            **_smoothness(of, k),
+            **_outcome(of, k),
             "like": names[of.classes[k]] if of.classes[k] != k else None,
             "ranked": ranked,
             "log10_likelihood_ratio": float(rank.ratios[k] / np.log(10.0)) if ranked else None,
@@ -103,62 +98,65 @@ def edit_rows(edits: Sequence[Variant], of: Outcomes) -> list[EditRow]:
     return rows
 
 
-def _order(of: Outcomes, k: int) -> EditRow:
-    """Shares of stable plants on which runs rank as in the table."""
-    if not of.stable[k].any() or len(of.goal.runs) < 2:
-        return {"order_share": None, "order": None}
-    kept = equal_order(of.sizes[k][of.stable[k]], of.goal)
-    by_metric = dict(zip(METRICS, kept.mean(axis=0).tolist(), strict=True))
-    return {"order_share": float(kept.all(axis=(1, 2)).mean()), "order": by_metric}
+def _outcome(of: Outcomes, k: int) -> EditRow:
+    """What an edit did on its stable plants.
+
+    Shares on which runs rank as in the table, by metric, too; of each ratio the median and the central 90 %;
+    change of torque over that without an edit; how often the first run's torque is the smoothest.
+    """
+    stable, goal = of.stable[k], of.goal
+    sizes, steps, both = of.sizes[k][stable], of.steps[k][stable], stable & of.stable[0]
+    over = (of.steps[k][both] / of.steps[0][both]).max(axis=1)
+    quantiles: list[EditRow | None] = [None for _ in pairs_of(goal)]
+    order = order_share = smoothest = None
+    if len(sizes):
+        quantiles = [
+            dict(zip(("low", "median", "high"), np.quantile(a / b, [0.05, 0.5, 0.95]).tolist(), strict=True))
+            for pair in pairs_of(goal)
+            for a, b in [(sizes[:, run, 0, joint] for run, joint in pair)]
+        ]
+        if len(goal.runs) > 1:
+            kept = equal_order(sizes, goal)
+            order = dict(zip(METRICS, kept.mean(axis=0).tolist(), strict=True))
+            order_share = float(kept.all(axis=(1, 2)).mean())
+            smoothest = float((steps[:, 0] <= steps.min(axis=1)).mean())
+    return {
+        "stable": len(sizes),
+        "stable_share": float(stable.mean()),
+        "order_share": order_share,
+        "order": order,
+        "ratios": quantiles,
+        "torque_steps_over_none": float(np.median(over)) if len(over) else None,
+        "first_smoothest_share": smoothest,
+    }
+
+
+def pairs_of(goal: Goal) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    """Errors whose ratios rows give: of a run and the next by joint, and of the outer joints of the first."""
+    runs, last = len(goal.runs), len(goal.joints) - 1
+    pairs = [((r, i), (r + 1, i)) for r in range(runs - 1) for i in range(last + 1)]
+    return pairs + [((0, last), (0, 0))] * (last > 0)
 
 
 def ratios_of(goal: Goal) -> list[EditRow]:
-    """Ratios of MAE that rows give: of a run over the next, by joint, and of the first run's outer joints."""
-    joints = range(len(goal.joints))
-    pairs = [((r, i), (r + 1, i)) for r in range(len(goal.runs) - 1) for i in joints]
-    pairs += [((0, joints[-1]), (0, 0))] if len(joints) > 1 else []
-    ratios = []
-    for (run, joint), (over, beside) in pairs:
+    """Ratios of MAE that rows give, and what they are in the table."""
+    ratios: list[EditRow] = []
+    for (run, joint), (over, beside) in pairs_of(goal):
         given = float(goal.values[run, 0, joint] / goal.values[over, 0, beside])
-        ratio: EditRow = {
-            "run": goal.runs[run],
-            "joint": goal.joints[joint],
-            "over_run": goal.runs[over],
-            "over_joint": goal.joints[beside],
-            "given": given if np.isfinite(given) else None,
-        }
-        ratios.append(ratio)
+        own = {"run": goal.runs[run], "joint": goal.joints[joint]}
+        other = {"over_run": goal.runs[over], "over_joint": goal.joints[beside]}
+        ratios.append({**own, **other, "given": given if np.isfinite(given) else None})
     return ratios
-
-
-def _quantiles(of: Outcomes, k: int, ratios: Sequence[EditRow]) -> Iterator[dict[str, float] | None]:
-    """Median and central 90 % of each ratio; None where no plant is stable."""
-    sizes, goal = of.sizes[k][of.stable[k]][:, :, 0], of.goal
-    for ratio in ratios:
-        run, over = (goal.runs.index(ratio[name]) for name in ("run", "over_run"))
-        joint, beside = (goal.joints.index(ratio[name]) for name in ("joint", "over_joint"))
-        values = sizes[:, run, joint] / sizes[:, over, beside]
-        ends = np.quantile(values, [0.05, 0.5, 0.95]).tolist() if len(values) else None
-        yield ends and dict(zip(("low", "median", "high"), ends, strict=True))
-
-
-def _smoothness(of: Outcomes, k: int) -> EditRow:
-    """How smooth the torque is: over that without an edit, and how often the first run's is the smoothest."""
-    both, steps = of.stable[k] & of.stable[0], of.steps[k][of.stable[k]]
-    over = (of.steps[k][both] / of.steps[0][both]).max(axis=1)
-    first = float((steps[:, 0] <= steps.min(axis=1)).mean()) if len(of.goal.runs) > 1 and len(steps) else None
-    rougher = float(np.median(over)) if len(over) else None
-    return {"torque_steps_over_none": rougher, "first_smoothest_share": first}
 
 
 def _spoiled(row: EditRow, none: EditRow, ratios: Sequence[EditRow]) -> Iterator[str]:
     """What of the paper an edit does not give, beside the order."""
-    smoothest, steps = row["first_smoothest_share"], row["torque_steps_over_none"] or 0.0
+    smoothest = row["first_smoothest_share"]
     if row["stable"] < 0.5 * none["stable"]:
         yield "stability"
     if smoothest is not None and smoothest < 0.5 <= (none["first_smoothest_share"] or 0.0):
         yield "the smooth torque of " + run_in_words(ratios[0]["run"])
-    if steps > ROUGHER:
+    if (steps := row["torque_steps_over_none"] or 0.0) > ROUGHER:
         yield f"torque steps, {steps:.2g} times as large"
     for ratio, ours in zip(ratios, row["ratios"], strict=True):
         if ours and ratio["given"] and not ours["low"] <= ratio["given"] <= ours["high"]:

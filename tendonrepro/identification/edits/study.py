@@ -8,7 +8,6 @@ from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.models.control import unloaded_run
@@ -21,7 +20,7 @@ from tendonrepro.identification.edits.recorded import EditedLaw
 from tendonrepro.identification.edits.report import APART, SCHEMA_VERSION, edits_result
 from tendonrepro.identification.edits.variants import Variants, controller_of, law_of, variants_of
 from tendonrepro.identification.goal import Goal, own_numbers, printed_numbers
-from tendonrepro.monte_carlo.evaluate import fill, record, still_missing, stub_of
+from tendonrepro.monte_carlo import evaluate
 from tendonrepro.monte_carlo.kept import study_on_plants
 from tendonrepro.monte_carlo.plan import PLANTS_AT_ONCE, Piece, cost_of, identity_of
 from tendonrepro.monte_carlo.population import population_of
@@ -40,8 +39,11 @@ KEPT = "plants"
 MEASURED = ("mae", "rmse", "torque_step_rms")
 """Statistics that are kept of a run."""
 
-_CELLS: dict[str, dict[tuple[str, str], EditedLaw | None]] = {}
-"""Edited laws of a study by its identity: the same objects for all its pieces, so compiled once a process."""
+Cells = dict[tuple[str, str], EditedLaw | None]
+"""Laws to run, by run and what was changed; None where nothing was."""
+
+_CELLS: dict[str, Cells] = {}
+"""Cells of a study by its identity: the same objects for all its pieces, so compiled once a process."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,40 +81,25 @@ class EditStudy:
             For a law that cannot run on many plants together.
         """
         first = self.loops(0, 1)[0]
-        edited = tuple(law.name for law in self.laws) or self.goal.runs
-        loops = {run: first[run, PRINTED] for run in edited}
         for law in self.laws:
-            stub = stub_of(loops[law.name])
+            stub = evaluate.stub_of(first[law.name, PRINTED])
             try:
                 simulate_batch([stub])
                 law_of(stub)
             except Exception as error:
                 raise refused_on_lanes(law.name, error) from error
             refuse_memory(law, stub)
-        return variants_of(loops)
+        edited = [law.name for law in self.laws] or self.goal.runs
+        return variants_of({run: first[run, PRINTED] for run in edited})
 
     @cached_property
-    def cells(self) -> dict[tuple[str, str], EditedLaw | None]:
-        """Laws to run, by run and what was changed; the unedited ones first, where nothing was."""
-        cells: dict[tuple[str, str], EditedLaw | None] = {(run, ""): None for run in self.goal.runs}
+    def cells(self) -> Cells:
+        """Laws to run, the unedited ones first."""
+        cells: Cells = {(run, ""): None for run in self.goal.runs}
         for edit in self.variants.edits:
             for run, law in edit.laws.items():
                 cells.setdefault((run, law.content), law)
         return cells
-
-    @cached_property
-    def lookup(self) -> NDArray[np.int64]:
-        """Place among `cells` of each run of an edit, (1 + edits, R); the first row is without an edit."""
-        place = {key: k for k, key in enumerate(self.cells)}
-        rows = [{run: law.content for run, law in edit.laws.items()} for edit in self.variants.edits]
-        return np.array([[place[run, row.get(run, "")] for run in self.goal.runs] for row in ({}, *rows)])
-
-    @property
-    def record(self) -> RecordType:
-        """A record of one plant: by reading and cell a status, and statistics by joint, SI."""
-        shape = len(self.readings), len(self.cells)
-        numbers = [(name, np.float32, (*shape, len(self.loaded.compare.joints))) for name in MEASURED]
-        return np.dtype([("status", np.int8, shape), *numbers])
 
     @cached_property
     def identity(self) -> str:
@@ -120,27 +107,27 @@ class EditStudy:
         own = replace(self.loaded, base=with_user_laws(self.loaded.base, self.laws))
         return identity_of(own, readings=[reading.name for reading in self.readings], edits=[*self.cells])
 
-    @property
-    def cost(self) -> dict[str, float]:
-        """What it takes, as a dry run says."""
-        numbers = len(MEASURED) * len(self.loaded.compare.joints)
-        return cost_of(self.plants * len(self.readings) * len(self.cells), numbers)
-
     def run(self, site: Site, jobs: int) -> Records:
-        """Records of all plants; those that are on disk are not run again."""
+        """Records of all plants, a status and statistics, SI, by reading and cell; those on disk are kept."""
         path = site.files / KEPT / f"{KEPT}-{self.identity[:12]}.npy"
-        stores = {KEPT: RecordStore(path, self.record, self.plants)}
+        shape = len(self.readings), len(self.cells)
+        numbers = [(name, np.float32, (*shape, len(self.goal.joints))) for name in MEASURED]
+        kind = np.dtype([("status", np.int8, shape), *numbers])
+        stores = {KEPT: RecordStore(path, kind, self.plants)}
         cuts = np.split(np.arange(self.plants), range(PLANTS_AT_ONCE, self.plants, PLANTS_AT_ONCE))
-        pieces = still_missing([Piece(KEPT, plants) for plants in cuts], stores)
+        pieces = evaluate.still_missing([Piece(KEPT, plants) for plants in cuts], stores)
         _CELLS[self.identity] = self.cells
         # A copy has none of the laws that were recorded, which is much to send to other processes.
-        stream = as_ready(partial(_piece, replace(self), self.identity, self.record), pieces, jobs)
-        fill(stores, pieces, stream, site.talk)
+        stream = as_ready(partial(_piece, replace(self), self.identity, kind), pieces, jobs)
+        evaluate.fill(stores, pieces, stream, site.talk)
         return stores[KEPT].read()
 
     def outcomes(self, records: Records, reading: int) -> Outcomes:
         """What all edits did under a reading."""
-        of = {name: records[name][:, reading][:, self.lookup] for name in ("status", *MEASURED)}
+        place = {key: k for k, key in enumerate(self.cells)}
+        edits = [{}, *({run: law.content for run, law in edit.laws.items()} for edit in self.variants.edits)]
+        cells = np.array([[place[run, edit.get(run, "")] for run in self.goal.runs] for edit in edits])
+        of = {name: records[name][:, reading][:, cells] for name in ("status", *MEASURED)}
         sizes = np.rad2deg(np.stack([of[metric] for metric in METRICS], axis=-2).astype(float))
         with np.errstate(over="ignore", invalid="ignore"):
             steps = np.sqrt((of["torque_step_rms"].astype(float) ** 2).mean(axis=-1))
@@ -159,7 +146,7 @@ def _piece(study: EditStudy, identity: str, kind: RecordType, piece: Piece) -> t
         for (run, _), law in cells.items()
     ]
     records = np.empty(len(piece.plants), kind)
-    record(simulate_batch(loops), records)
+    evaluate.record(simulate_batch(loops), records)
     return piece, records
 
 
@@ -200,7 +187,9 @@ def edits_study(
 
     base = with_user_laws(loaded.base, laws)
     drawn = replace(loaded, base=replace(base, inputs=(*base.inputs, *([errors] if errors else []))))
-    study = study_on_plants("edits", drawn, task.identity, run, folder, cost=task.cost, stays=KEPT)
+    experiments = plants * len(task.readings) * len(task.cells)
+    cost = cost_of(experiments, len(MEASURED) * len(task.goal.joints))
+    study = study_on_plants("edits", drawn, task.identity, run, folder, cost=cost, stays=KEPT)
     numbers = [task.goal.runs, task.goal.values.tolist(), task.goal.half.tolist()]
     told = f"edits: {len(task.variants.edits)} edits on {plants} plants"
     plan = {"schema_version": SCHEMA_VERSION, "experiment": "edits", "text": told}
