@@ -57,6 +57,8 @@ Place: TypeAlias = tuple[str, int]
 New: TypeAlias = float | str | Line
 """What stands in place of an operand: a number, an earlier line, or a line of its own."""
 Changes: TypeAlias = Mapping[Place, New]
+Given: TypeAlias = Mapping[str, Any]
+"""What a law is called with, by name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,8 +229,8 @@ class EditedLaw:
         tau, H_hat, s, de = self.played(ANSWER, given)
         return tau, H_hat, s, de
 
-    def played(self, names: Sequence[str], given: Mapping[str, Any]) -> list[Array]:
-        """Carry out what some outputs need, on what a law is called with, by name."""
+    def played(self, names: Sequence[str], given: Given) -> list[Array]:
+        """Carry out what some outputs need."""
         values: dict[str, Numeric] = {}
 
         def value(operand: str | float) -> Numeric:
@@ -263,7 +265,7 @@ class EditedLaw:
         return kept._replace(ddq=np.concatenate((ddq[np.newaxis], memory.ddq[:-1])))
 
 
-def _entry(operation: str, place: Sequence[str | float], given: Mapping[str, Any]) -> Numeric:
+def _entry(operation: str, place: Sequence[str | float], given: Given) -> Numeric:
     """An entry of what a law is called with."""
     record, _, name = operation.partition(".")
     array = given[record]
