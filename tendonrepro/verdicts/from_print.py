@@ -119,10 +119,10 @@ def lengths(paper: Published, identifier: str) -> Ruling:
     return _against(paper, identifier, rounding(paper.quantity(other)), paper.number(other), other)
 
 
-def matrix_entry(paper: Published, identifier: str) -> Ruling:
+def inverse(paper: Published, identifier: str) -> Ruling:
     """An entry of S against the inverse of S_inv."""
     n, i = (int(digit) - 1 for digit in identifier.removeprefix("S."))
-    ours = abs(inverse(printed_inverse(paper))[n][i])
+    ours = abs(inverse_of(printed_inverse(paper))[n][i])
     return _against(paper, identifier, (ours, ours), float(ours), "S_inv")
 
 
@@ -135,7 +135,7 @@ def printed_inverse(paper: Published) -> list[list[Fraction]]:
     return rows
 
 
-def inverse(lower: Sequence[Sequence[Fraction]]) -> list[list[Fraction]]:
+def inverse_of(lower: Sequence[Sequence[Fraction]]) -> list[list[Fraction]]:
     """Inverse of a lower-triangular matrix, by rows up to the diagonal."""
     rows: list[list[Fraction]] = []
     for n, row in enumerate(lower):
@@ -144,14 +144,14 @@ def inverse(lower: Sequence[Sequence[Fraction]]) -> list[list[Fraction]]:
     return rows
 
 
-def both_matrices(paper: Published, _: str) -> Ruling:
+def inverses(paper: Published, _: str) -> Ruling:
     """K1: all entries of S."""
     names = [name for name in paper.entries if name.startswith("S.")]
-    wrong = [name for name in names if matrix_entry(paper, name).verdict != "exact"]
+    wrong = [name for name in names if inverse(paper, name).verdict != "exact"]
     return of_arithmetic(not wrong, evidence={"entries": names, "inconsistent": wrong})
 
 
-def all_percentages(paper: Published, _: str) -> Ruling:
+def percentage(paper: Published, _: str) -> Ruling:
     """A1: percentages against what the rounding of the tables allows."""
     rows = [_percentage(paper, name) for name in paper.entries if name.startswith(PERCENTAGES)]
     wrong = [row["id"] for row in rows if not row["consistent"]]
@@ -260,15 +260,11 @@ def smooth_branch(paper: Published, _: str) -> Ruling:
 
 
 FROM_THE_PRINT: Mapping[str, Callable[[Published, str], Ruling]] = {
-    "lengths": lengths,
-    "inverse": matrix_entry,
-    "inverses": both_matrices,
-    "percentage": all_percentages,
-    "same_as": same_as,
-    "resolution": resolution,
-    "motor_3_turns_less": motor_3_turns_less,
-    "coupling_terms": coupling_terms,
-    "smooth_branch": smooth_branch,
+    rule.__name__: rule
+    for rule in (
+        *(lengths, inverse, inverses, percentage, same_as, resolution),
+        *(motor_3_turns_less, coupling_terms, smooth_branch),
+    )
 }
 """Rules that need nothing but the paper, by name; those of `TURNS` need no more."""
 

@@ -32,7 +32,7 @@ from tendonrepro.results.summary import CONTROLLERS, statistics
 from tendonrepro.results.traces import read_traces
 from tendonrepro.verdicts.from_print import NUMBERS, PERCENTAGES, ErrorOf, cut, formula_of
 from tendonrepro.verdicts.rules import Evidence, Ruling, not_testable, of_model
-from tendonrepro.verdicts.statements import Claim, Plants, claim_on, together, with_load
+from tendonrepro.verdicts.statements import Claim, Plants, claim_on, together
 
 _THE_WAY = "make it by tendonrepro data fetch, data inspect --suggest, and data ingest"
 RATE_WINDOW = 0.05
@@ -56,15 +56,10 @@ def read_measured(path: Path) -> TraceFile:
     UsageError
         If it is simulated, or holds no run.
     """
-    try:
-        file = read_traces(path)
-    except DataMissingError as error:
-        if path.exists():
-            raise
+    if not path.exists():
         meant = did_you_mean(path.name, (other.name for other in path.parent.glob("*.h5")))
-        raise DataMissingError(
-            f"there is no measured trace file{meant}", where=str(path), hint=_THE_WAY
-        ) from error
+        raise DataMissingError(f"there is no measured trace file{meant}", where=str(path), hint=_THE_WAY)
+    file = read_traces(path)
     if file.source != "measured":
         raise UsageError("holds simulated traces, not measured ones", where=str(path), hint=_THE_WAY)
     if not file.runs:
@@ -104,32 +99,27 @@ class Measurement:
     def statistic(self, run: str, reading: str, name: str) -> Array:
         """One statistic, SI, (1, 2): an error over the window that decides, another over the whole run."""
         trace = self._trace(run, reading)
-        sizes = self._of_the_tables(trace, name) if name in METRICS else self._of_the_run(trace, name)
-        return sizes[np.newaxis]
+        if name in METRICS:
+            sizes = self.tables.deciding.sizes
+            values = np.deg2rad([sizes.get(ErrorOf(run, name, joint).id, np.nan) for joint in self.joints])
+        else:
+            self._check_alike(name)
+            values = self._of_the_run(trace).get(name, np.full(len(self.joints), np.nan))
+        for joint, value in zip(self.joints, values, strict=True):
+            # NaN is smaller than nothing, so it must not come to a comparison.
+            if not np.isfinite(value):
+                what = f"{_SIGNALS[name.partition('_')[0]][0]} of the run {run}, joint {joint}"
+                raise DataMissingError(f"{what}, or its desired motion q_d")
+        return values[np.newaxis]
 
-    def _of_the_tables(self, trace: Trace, metric: str) -> Array:
-        """An error over the window that decides, (2,)."""
-        sizes = self.tables.deciding.sizes
-        errors = [sizes.get(ErrorOf(trace.name, metric, joint).id, np.nan) for joint in self.joints]
-        if not np.isfinite(errors).all():
-            raise DataMissingError(f"the tracking error of the run {trace.name}")
-        return np.deg2rad(errors)
-
-    def _of_the_run(self, trace: Trace, name: str) -> Array:
-        """A statistic over the whole run, (2,)."""
-        self._check_alike(name)
+    def _of_the_run(self, trace: Trace) -> Mapping[str, Array]:
+        """All statistics over a whole run, each (2,)."""
         if trace.name not in self._kept:
             rates = None
             with suppress(DataMissingError):
                 rates = derivatives(trace)
             self._kept[trace.name] = statistics(with_surface(trace), rates)
-        values = self._kept[trace.name].get(name, np.full(len(self.joints), np.nan))
-        for joint, value in zip(trace.joint, values, strict=True):
-            # NaN is smaller than nothing, so it must not come to a comparison.
-            if not np.isfinite(value):
-                what = f"{signal_of(name)[0]} of the run {trace.name}, joint {joint}"
-                raise DataMissingError(f"{what}, or its desired motion q_d")
-        return values
+        return self._kept[trace.name]
 
     def _trace(self, run: str, reading: str = PRINTED) -> Trace:
         if not self.has(run, reading):
@@ -160,11 +150,6 @@ def measurement_of(file: TraceFile, paper: Published | None, joints: Sequence[in
     timing = timing_of(file, reference)
     tables = try_windows(file.part("compare"), paper, timing) if paper else PrintedTables()
     return Measurement(file, tables, reference, unrecovered, timing)
-
-
-def signal_of(statistic: str) -> tuple[str, str]:
-    """What a statistic is of, and its unit as evidence."""
-    return _SIGNALS[statistic.partition("_")[0]]
 
 
 def with_surface(trace: Trace) -> Trace:
@@ -243,18 +228,19 @@ def _claim(measurement: Measurement, paper: Published, identifier: str) -> Rulin
     rule = paper.judgements[identifier].rule
     if identifier in ANGLES:
         return ANGLES[identifier](measurement.file)
-    if rule == "payload":
-        return _payload(measurement, paper)
     arm, runs = Plants(measurement, PRINTED), measurement.compare.runs
     claim = claim_on(arm, paper, rule)
+    measured = [run for run in (*CONTROLLERS, LOADED) if run in runs]
+    stopped = {run: runs[run].told_status for run in measured if runs[run].status != "ok"}
     remarks = []
     if rule == "stable":
         for run in CONTROLLERS:
             # A status that was judged without the error of a joint says nothing about it.
             arm.statistic(run, "max_error")
-        remarks += [f"{run} is {runs[run].told_status}" for run in CONTROLLERS if runs[run].status != "ok"]
-    else:
-        _check_ok(claim, runs, (*CONTROLLERS, LOADED))
+        remarks += [f"{run} is {told}" for run, told in stopped.items()]
+    elif not claim.judged[0]:
+        run, told = next(iter(stopped.items()))
+        raise DataMissingError(f"a run of {run} that is ok; the one measured is {told}")
     if rule == "similar_surfaces" and "s" not in runs[FIRST]:
         remarks.append(
             "s was not recorded: computed from e by Eq. (11) with the printed gains, the rate of e by its "
@@ -263,45 +249,33 @@ def _claim(measurement: Measurement, paper: Published, identifier: str) -> Rulin
     measures = [name for name, parts in claim.measures.items() if together(parts)[0]]
     if measures and len(claim.measures) > 1:
         remarks.append(f"holds by {', '.join(measures)}")
-    return of_model(bool(measures), evidence=_evidence(claim, arm, measurement, remarks))
-
-
-def _payload(measurement: Measurement, paper: Published) -> Ruling:
-    """P1: it needs Controller 1 and the loaded run alone, and its percentages besides."""
-    arm = Plants(measurement, PRINTED)
-    claim = Claim(with_load(arm, paper), arm.ok(FIRST, LOADED))
-    _check_ok(claim, measurement.compare.runs, (FIRST, LOADED))
+    evidence = _evidence(claim, arm, measurement) | {"remarks": remarks}
+    if rule != "payload":
+        return of_model(bool(measures), evidence=evidence)
     increases = {
         name: _number(measurement, paper, name).verdict
         for name in paper.judgements
         if name.startswith("increase.")
     }
-    holds = together(claim.statements)[0] and {*increases.values()} == {"reproduced"}
-    return of_model(holds, evidence=_evidence(claim, arm, measurement, []) | {"percentages": increases})
+    holds = bool(measures) and {*increases.values()} == {"reproduced"}
+    return of_model(holds, evidence=evidence | {"percentages": increases})
 
 
-def _check_ok(claim: Claim, runs: Mapping[str, Trace], needed: Sequence[str]) -> None:
-    """Refuse to judge where a run that was measured diverged or rings."""
-    if not claim.judged[0]:
-        lost = next(run for run in needed if run in runs and runs[run].status != "ok")
-        raise DataMissingError(f"a run of {lost} that is ok; the one measured is {runs[lost].told_status}")
-
-
-def _evidence(claim: Claim, arm: Plants, measurement: Measurement, remarks: list[str]) -> Evidence:
+def _evidence(claim: Claim, arm: Plants, measurement: Measurement) -> Evidence:
     """Statements, what they were judged by, and over which window."""
     statements = [{"statement": part.text, "holds": bool(part.holds[0])} for part in claim.statements]
-    statistics: dict[str, dict[str, list[float]]] = {}
-    for (run, name), (sizes,) in arm.looked_up.items():
-        _, unit = signal_of(name)
-        shown = sizes if unit == "N_m" else np.rad2deg(sizes)
-        statistics.setdefault(str(run), {})[f"{name}_{unit}"] = shown.tolist()
-    evidence = {"statements": statements, "statistics": statistics, "remarks": remarks}
-    by_tables = any("mae_deg" in sizes for sizes in statistics.values())
+    sizes: dict[str, dict[str, list[float]]] = {}
+    for (run, name), (values,) in arm.looked_up.items():
+        unit = _SIGNALS[name.partition("_")[0]][1]
+        shown = values if unit == "N_m" else np.rad2deg(values)
+        sizes.setdefault(str(run), {})[f"{name}_{unit}"] = shown.tolist()
+    evidence = {"statements": statements, "statistics": sizes}
+    by_tables = any("mae_deg" in held for held in sizes.values())
     return evidence | ({"window": measurement.tables.window} if by_tables else {})
 
 
 def decoupling(file: TraceFile) -> Ruling:
-    """K3: joint angles from the motors against the encoders."""
+    """K3: joint angles from the motors against the encoders, less their difference at the start."""
     trace = file.part("decouple").runs.get("decouple")
     if trace is None or trace.joint != (1, 2, 3):
         raise DataMissingError("all of joints 1 to 3 in a measured run decouple")
@@ -315,24 +289,15 @@ def decoupling(file: TraceFile) -> Ruling:
     reach = np.nanmax(encoder, axis=0) - np.nanmin(encoder, axis=0)
     if not len(apart) or (reach < LEAST_RANGE).any():
         raise DataMissingError("a run decouple in which joints 1 to 3 all move")
-    ways = {"start_offset_removed": apart - start_level(time, apart), "as_recorded": apart}
-    rows = {name: _agreement(mae(difference), reach) for name, difference in ways.items()}
-    decided, other = (all(row["holds"] for row in rows[name]["statements"]) for name in ways)
-    remarks = [] if decided == other else ["with the start offset left in, the verdict is the other one"]
-    return of_model(decided, evidence=rows | {"remarks": remarks})
-
-
-def _agreement(size: Array, reach: Array) -> Evidence:
-    statements = {
+    size = mae(apart - start_level(time, apart))
+    holds = {
         "joint 3's error is the largest": size[2] > size[:2].max(),
         f"joint 1's error is below {100 * TINY:g} % of its range": size[0] < TINY * reach[0],
         f"every error is below {100 * AGREES:g} % of the joint's range": (size < AGREES * reach).all(),
     }
-    return {
-        "mae_deg": np.rad2deg(size).tolist(),
-        "share_of_range": (size / reach).tolist(),
-        "statements": [{"statement": text, "holds": bool(holds)} for text, holds in statements.items()],
-    }
+    sizes = {"mae_deg": np.rad2deg(size).tolist(), "share_of_range": (size / reach).tolist()}
+    rows = [{"statement": text, "holds": bool(part)} for text, part in holds.items()]
+    return of_model(all(holds.values()), evidence=sizes | {"statements": rows})
 
 
 def motor_angles(file: TraceFile) -> Ruling:
@@ -342,19 +307,17 @@ def motor_angles(file: TraceFile) -> Ruling:
         trace = file.part("compare").runs.get(name)
         if trace is None or not {"q_d", "q_encoder"} <= trace.variables.keys():
             continue
-        # An encoder at rest may have been recorded without a desired angle.
-        there = np.isfinite(trace["q_d"] + trace["q_encoder"]).any(axis=0)
-        trace = trace.of_joints(np.compress(there, trace.joint).tolist())
-        if not {*COMPARED} <= {*trace.joint}:
-            continue
-        S_inv = file.plant.matrix("S_inv", trace.joint)
+        trace = trace.of_joints(COMPARED)
         known = np.isfinite(trace["q_d"] + trace["q_encoder"]).all(axis=1)
+        if trace.joint != COMPARED or not known.any():
+            continue
+        S_inv = file.plant.matrix("S_inv", COMPARED)
         desired, angles = (trace[variable][known] @ S_inv.T for variable in ("q_d", "q_encoder"))
         # Motor 3 hardly turns where joints 2 and 3 move alike, so its own range is no measure.
-        reach = np.ptp(desired, axis=0).max() if known.any() else 0.0
+        reach = np.ptp(desired, axis=0).max()
         if reach < LEAST_RANGE:
             continue
-        for motor, apart in zip(trace.joint, mae(angles - desired), strict=True):
+        for motor, apart in zip(COMPARED, mae(angles - desired), strict=True):
             text = f"{name}, motor {motor}: MAE is below {100 * AGREES:g} % of the largest range of a motor"
             sizes = {"mae_deg": float(np.rad2deg(apart)), "share_of_range": float(apart / reach)}
             rows.append({"statement": text, "holds": bool(apart < AGREES * reach)} | sizes)

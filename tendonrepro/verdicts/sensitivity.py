@@ -11,18 +11,18 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from itertools import product
-from typing import TypedDict
+from typing import TypeAlias
 
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.models.control import FIRST, LOADED, SECOND
+from tendonrepro.configuration.models.control import FIRST, RUNS, SECOND
 from tendonrepro.configuration.models.readings import PRINTED, UNDER_READINGS
 from tendonrepro.configuration.published import METRICS, Published, published
 from tendonrepro.errors import DataMissingError
+from tendonrepro.files import Json
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS
-from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.from_ensemble import numbers_of
 from tendonrepro.verdicts.from_print import NUMBERS, ErrorOf
 from tendonrepro.verdicts.rules import Mask
@@ -71,26 +71,14 @@ LEAST_OTHERS = 20
 DECIDED = ("C1", "C2", "C3", "C5", "C6", "E1")
 """Claims whose deciding unknowns are ranked with the ledger."""
 
+Influences: TypeAlias = Json
+"""Unknowns by their share of an outcome's variance, the largest first.
 
-class Influence(TypedDict):
-    """First-order index of an unknown, and half its 95 % interval."""
+Of its ``rows`` each has ``name``, ``index`` and ``half_width``, half the 95 % interval of the index.
 
-    name: str
-    index: float
-    half_width: float
-
-
-class Influences(TypedDict):
-    """Unknowns by their share of an outcome's variance, the largest first.
-
-    ``noise_floor`` is the 95 % quantile over shuffles of the largest index, or the largest index of what
-    cannot act; ``unexplained`` is what rows above it leave; ``draws`` is their number.
-    """
-
-    rows: list[Influence]
-    noise_floor: float
-    unexplained: float
-    draws: int
+``noise_floor`` is the 95 % quantile over shuffles of the largest index, or the largest index of what
+cannot act; ``unexplained`` is what rows above it leave; ``draws`` is their number.
+"""
 
 
 def ranked(
@@ -116,7 +104,7 @@ def ranked(
     order = rng.permutation(len(outcome))
     draws, outcome = draws[order], outcome[order]
     acts = np.array([name not in inert for name in names])
-    rows: list[Influence] = [
+    rows = [
         {
             "name": name,
             "index": first_order_index(unknown, outcome),
@@ -135,22 +123,18 @@ def ranked(
 def rankings(data: EnsembleData) -> dict[str, Influences]:
     """Rank what decides some claims, the ratio of Controllers 1 and 2, and printed errors."""
     plants = Plants(data, PRINTED)
-
-    def rank(values: Array, *runs: str) -> Influences | None:
-        return _ranked(data, plants.ok(*runs), values)
-
-    rankings_of = {claim: deciding(data, published(), claim) for claim in DECIDED}
+    found = {claim: deciding(data, published(), claim) for claim in DECIDED}
     with np.errstate(divide="ignore", invalid="ignore"):
-        logs = {key: np.log(plants[key]) for key in product((*CONTROLLERS, LOADED), METRICS)}
+        logs = {key: np.log(plants[key]) for key in product(RUNS, METRICS)}
         mae = logs[FIRST, "mae"]
         ratio, joint_3_over_2 = mae - logs[SECOND, "mae"], mae[:, -1] - mae[:, 0]
     for i, joint in enumerate(data.joints):
-        rankings_of[f"ratio_joint_{joint}"] = rank(ratio[:, i], FIRST, SECOND)
+        found[f"ratio_joint_{joint}"] = _ranked(data, plants.ok(FIRST, SECOND), ratio[:, i])
     for (run, metric), errors in logs.items():
         for i, joint in enumerate(data.joints):
-            rankings_of[ErrorOf(run, metric, joint).id] = rank(errors[:, i], run)
-    rankings_of["joint_3_over_2"] = rank(joint_3_over_2, FIRST)
-    return {name: ranking for name, ranking in rankings_of.items() if ranking is not None}
+            found[ErrorOf(run, metric, joint).id] = _ranked(data, plants.ok(run), errors[:, i])
+    found["joint_3_over_2"] = _ranked(data, plants.ok(FIRST), joint_3_over_2)
+    return {name: ranking for name, ranking in found.items() if ranking is not None}
 
 
 def deciding(data: EnsembleData, paper: Published, identifier: str) -> Influences | None:

@@ -63,7 +63,7 @@ class TestPercentages:
         assert cut(Fraction(value), printed(digits)) == way
 
     def test_those_of_the_paper_and_what_rounding_allows(self):
-        found = from_print.all_percentages(published(), "A1").evidence
+        found = from_print.percentage(published(), "A1").evidence
         assert found["inconsistent"] == []
         rows = {row["id"]: row for row in found["percentages"]}
         cut_off = {row["printed"] for row in rows.values() if row["printed_is"] == "cut off"}
@@ -80,7 +80,7 @@ class TestMatrices:
         full = np.zeros((3, 3))
         for n, row in enumerate(lower):
             full[n, : n + 1] = [float(x) for x in row]
-        for n, row in enumerate(from_print.inverse(lower)):
+        for n, row in enumerate(from_print.inverse_of(lower)):
             assert [float(x) for x in row] == pytest.approx(np.linalg.inv(full)[n, : n + 1])
         assert pytest.approx(full) == coupling_by_columns(TABLE_1)
 
