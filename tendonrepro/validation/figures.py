@@ -14,9 +14,8 @@ from tendonrepro.results.records import Trace, TraceFile
 
 _LABEL = "Thin, dashed: simulated"
 _DASHES = (4.0, 1.6)
-_WIDE, _WIDER, _THIN = 1.2, 1.6, 0.5
-"""Width of a panel's last measured curve, how much wider each one before it is, and width of a simulated one,
-pt: where they lie on each other all can be seen."""
+_WIDE, _THIN = 1.6, 0.5
+"""Width of a measured and of a simulated curve, pt: where they lie on each other both can be seen."""
 _PALE = 0.55
 """Share of white in the colour of a measured curve."""
 
@@ -60,17 +59,13 @@ def _lay_over(sheet: Sheet, over: Sheet) -> None:
     # Letters count panels, and a measurement may have joints that the model has not.
     letters = {place: letter for letter, place in sheet.places.items()}
     measured = dict(sheet.lines)
-    narrow = [key for key, line in measured.items() if line.get_linewidth() < REFERENCE.width]
     for (there, name), line in over.lines.items():
         letter = letters.get(over.places[there], "")
         if (letter, name) not in measured or "desired" in name.lower():
             continue
-        below, colour = measured[letter, name], "#333333"
-        if (letter, name) in narrow:
-            colour = str(below.get_color())
-            in_panel = [key for key in narrow if key[0] == letter]
-            above = len(in_panel) - 1 - in_panel.index((letter, name))
-            below.set(color=paler(colour, _PALE), linewidth=_WIDE * _WIDER**above)
+        below = measured[letter, name]
+        colour = str(below.get_color())
+        below.set(color=paler(colour, _PALE), linewidth=_WIDE)
         x, y = (np.asarray(values, float) for values in line.get_data())
         stroke, diverged = Stroke(colour, _DASHES, _THIN), (there, name) in over.diverged
         sheet.curve(letter, f"{name} simulated", x, y, stroke, label=_LABEL, diverged=diverged)

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from tendonrepro.dataset.motion import Knots, Reference, recorded, thinned, zero
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.evidence.recover_report import controllers_of
 from tendonrepro.experiments.run import begin_all, prepared, trace_file
+from tendonrepro.files import write_atomically
 from tendonrepro.parallel import workers
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
 from tendonrepro.physics.metrics import mean, start_level
@@ -168,9 +168,6 @@ def coupling_rows(trace: Trace, plant: PlantRecord) -> Iterator[dict[str, object
                 yield {"what": what, "number": number} | _row(columns, place)
 
 
-_Prepared: TypeAlias = tuple[Path, dict[str, float]]
-"""A configuration, and by run when its rerun begins on the measured time axis, s."""
-
 _OF_COMPARE = {"q_encoder": "q_d", "q_d": "q_d"}
 _OF_DECOUPLE = {name: name for name in ("q_encoder", "q_motor_encoder", "q_calculated")}
 """Angles of a rerun, and the measured variable whose start they get."""
@@ -191,9 +188,9 @@ def reruns(
     for experiment, prepare in (("compare", write_compare), ("decouple", write_decouple)):
         if measurement.file.part(experiment).runs:
             try:
-                path, zeros = prepare(measurement, base, name, folder)
+                zeros = prepare(measurement, base, name, folder)
                 followed = {run: zero for run, zero in zeros.items() if not apart.get(run)}
-                runs |= simulated(path, followed, measurement.file, talk)
+                runs |= simulated(folder / f"{experiment}.yaml", followed, measurement.file, talk)
             except TendonreproError as error:
                 hint = f"; {error.hint}" if error.hint else ""
                 missing.append(f"a rerun of {experiment}: {error.message}{hint}")
@@ -218,8 +215,8 @@ def simulated(path: Path, zeros: Mapping[str, float], measured: TraceFile, talk:
     return {trace.name: aligned(trace, measured.runs[trace.name], zeros[trace.name]) for trace in traces}
 
 
-def write_compare(measurement: Measurement, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
-    """Write the recovered motion and a configuration on it; return its path, and when reruns begin, s.
+def write_compare(measurement: Measurement, base: LoadedConfig, name: str, folder: Path) -> dict[str, float]:
+    """Write the recovered motion and a configuration on it; return when reruns begin, s, by run.
 
     Of `base` only the reference changes, and payloads measured with other masses.
 
@@ -243,10 +240,11 @@ def write_compare(measurement: Measurement, base: LoadedConfig, name: str, folde
             stated: Tree = {"value": mass, "unit": "kg", "source": source}
             entries[run] = section(entries, run) | {"payload": stated}
     zeros = {run: zero_of(trace, reference) for run, trace in runs.items()}
-    return _write_config(tree, folder / "compare.yaml"), zeros
+    write_atomically(folder / "compare.yaml", dump(tree))
+    return zeros
 
 
-def write_decouple(measurement: Measurement, base: LoadedConfig, name: str, folder: Path) -> _Prepared:
+def write_decouple(measurement: Measurement, base: LoadedConfig, name: str, folder: Path) -> dict[str, float]:
     """Do the same for the decoupling run; its motors drive the rerun, else the joints' encoders.
 
     If `base` is of the comparison on the paper's arm, the shipped model takes over its manipulator and seed.
@@ -273,12 +271,8 @@ def write_decouple(measurement: Measurement, base: LoadedConfig, name: str, fold
     motion = _write_motion(knots, trace.joint, folder / "decouple_reference.csv")
     payload = section(tree, "runs", "decouple")["payload"]
     tree["runs"] = {"decouple": {"drives": drives, "reference": motion, "payload": payload}}
-    return _write_config(tree, folder / "decouple.yaml"), {trace.name: float(trace.time[0])}
-
-
-def _write_config(tree: Tree, path: Path) -> Path:
-    path.write_text(dump(tree), encoding="utf-8")
-    return path
+    write_atomically(folder / "decouple.yaml", dump(tree))
+    return {trace.name: float(trace.time[0])}
 
 
 def _write_motion(knots: Knots, joint: Sequence[int], path: Path) -> Tree:

@@ -270,7 +270,7 @@ def _evidence(claim: Claim, arm: Plants, measurement: Measurement) -> Evidence:
         shown = values if unit == "N_m" else np.rad2deg(values)
         sizes.setdefault(str(run), {})[f"{name}_{unit}"] = shown.tolist()
     evidence = {"statements": statements, "statistics": sizes}
-    by_tables = any("mae_deg" in held for held in sizes.values())
+    by_tables = any("mae_deg" in shown for shown in sizes.values())
     return evidence | ({"window": measurement.tables.window} if by_tables else {})
 
 

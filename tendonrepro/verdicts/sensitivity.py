@@ -123,18 +123,18 @@ def ranked(
 def rankings(data: EnsembleData) -> dict[str, Influences]:
     """Rank what decides some claims, the ratio of Controllers 1 and 2, and printed errors."""
     plants = Plants(data, PRINTED)
-    found = {claim: deciding(data, published(), claim) for claim in DECIDED}
+    rankings_of = {claim: deciding(data, published(), claim) for claim in DECIDED}
     with np.errstate(divide="ignore", invalid="ignore"):
         logs = {key: np.log(plants[key]) for key in product(RUNS, METRICS)}
         mae = logs[FIRST, "mae"]
         ratio, joint_3_over_2 = mae - logs[SECOND, "mae"], mae[:, -1] - mae[:, 0]
     for i, joint in enumerate(data.joints):
-        found[f"ratio_joint_{joint}"] = _ranked(data, plants.ok(FIRST, SECOND), ratio[:, i])
+        rankings_of[f"ratio_joint_{joint}"] = _ranked(data, plants.ok(FIRST, SECOND), ratio[:, i])
     for (run, metric), errors in logs.items():
         for i, joint in enumerate(data.joints):
-            found[ErrorOf(run, metric, joint).id] = _ranked(data, plants.ok(run), errors[:, i])
-    found["joint_3_over_2"] = _ranked(data, plants.ok(FIRST), joint_3_over_2)
-    return {name: ranking for name, ranking in found.items() if ranking is not None}
+            rankings_of[ErrorOf(run, metric, joint).id] = _ranked(data, plants.ok(run), errors[:, i])
+    rankings_of["joint_3_over_2"] = _ranked(data, plants.ok(FIRST), joint_3_over_2)
+    return {name: ranking for name, ranking in rankings_of.items() if ranking is not None}
 
 
 def deciding(data: EnsembleData, paper: Published, identifier: str) -> Influences | None:
