@@ -26,13 +26,6 @@ from tendonrepro.configuration.strict_yaml import Tree, is_yaml, load, read_text
 from tendonrepro.errors import UsageError
 from tendonrepro.files import refuse_file, write_atomically
 
-_COMPLETED = {
-    *("Routing", "Links", "Winches", "Tendons", "LinkFriction", "DryFriction", "FrictionConfig", "Tensioner"),
-    *("TransmissionError", "EncoderConfig", "Encoders", "ActuatorConfig"),
-    *("Control", "Gains", "Readings", "SolverConfig", "StatusLimits", "PositionLoop"),
-}
-"""Sections in which a base gives what a file leaves out; in the JSON schema nothing in them is required."""
-
 
 class LoadedArm(NamedTuple):
     """A validated manipulator, also as plain values, with what is unusual in it."""
@@ -97,19 +90,22 @@ def _with_named(source: Path) -> list[Path]:
 
 
 def json_schema(kind: str | None = None) -> dict[str, object]:
-    """JSON schema of a kind of configuration, of any when None."""
+    """JSON schema of a kind of configuration, of any when None; a base may have whatever is not there."""
     models: dict[str, type[Model]] = {**MODELS, "ensemble": EnsembleConfig, MANIPULATOR: Manipulator}
     if kind is not None and kind not in models:
         raise UsageError(f"no schema {kind!r}; there are {', '.join(models)}")
     any_of_them: Any = MODELS["compare"] | MODELS["decouple"] | EnsembleConfig | Manipulator
     schema = TypeAdapter(models[kind] if kind else any_of_them).json_schema()
-    for name in _COMPLETED & schema["$defs"].keys():
-        schema["$defs"][name].pop("required", None)
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **schema,
-        "title": f"tendonrepro configuration: {kind}" if kind else "tendonrepro configuration",
-    }
+    file = {"type": "string", "description": "file beside this one, or a shipped one"}
+    for part in (schema, *schema["$defs"].values()):
+        part.pop("required", None)
+        keys = part.get("properties", {})
+        if MANIPULATOR in keys:
+            keys |= {"base": file, MANIPULATOR: {"anyOf": [file, keys[MANIPULATOR]]}}
+        if "routing" in keys:
+            keys |= {"base": file, "joints": {"type": "integer", "minimum": 1, "maximum": MOST_JOINTS}}
+    title = f"tendonrepro configuration: {kind}" if kind else "tendonrepro configuration"
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": title}
 
 
 BASE = "plain_arm"

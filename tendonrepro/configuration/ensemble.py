@@ -19,7 +19,7 @@ from tendonrepro.configuration.load import (
     find_source,
     load_config,
 )
-from tendonrepro.configuration.models.box import FAST_PERIOD, WORDS, BoxConfig, Confidence
+from tendonrepro.configuration.models.box import FAST_PERIOD, BoxConfig, Confidence
 from tendonrepro.configuration.models.control import PRINTED_LAWS, RUNS
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.readings import VARIATIONS, Reading, named_readings, under
@@ -32,21 +32,10 @@ from tendonrepro.configuration.strict_yaml import Key, Node, Tree, load
 from tendonrepro.errors import ConfigError, UsageError, did_you_mean
 from tendonrepro.physics.trajectory import trapezoid_times
 
-ROWS: Mapping[str, str] = {row.key: name for name, row in PER_JOINT.items()} | {
-    SHARED[name].key: name
-    for name in (
-        "rotor_inertia",
-        "drum_inertia",
-        "winch_viscous",
-        "link_coulomb",
-        "link_viscous",
-        "link_stribeck_velocity",
-        "winch_coulomb",
-        "pulley_loss",
-        "tensioner_force",
-        "transmission_error",
-        "torque_limit",
-    )
+_ALIKE = ("link_static_ratio", "winch_static_ratio", "winch_stribeck_velocity", "reducer_efficiency")
+_DRIVES = ("torque_resolution", "torque_noise")
+ROWS: Mapping[str, str] = {
+    row.key: name for name, row in {**PER_JOINT, **SHARED}.items() if name not in (*_ALIKE, *_DRIVES)
 }
 """Rows of the box that vary around an arm, by the arm's keys; what an arm has off stays off."""
 
@@ -138,17 +127,10 @@ class EnsembleConfig(Model):
         # Strokes last longest at low speed and large amplitude.
         box = self.box
         _, stroke = trapezoid_times(box.amplitude.highest, box.velocity.lowest, box.acceleration.lowest)
-        cycles = dict.fromkeys(WORDS["motion"], box.period.highest) | {
-            "minimum_jerk": 2.0 * (box.rise.highest + box.hold.highest),
-            "trapezoidal": 2.0 * (stroke + box.hold.highest),
-            "fast_sine": FAST_PERIOD,
-            "ramp": 2.0 * (box.rise.highest + box.hold.highest),
-        }
-        # Ramps are a reading as well.
-        kind = max((*box.motion.choices, "ramp"), key=lambda kind: cycles[kind])
-        longest = max(2.0 * cycles[kind], self.shortest_run.si + cycles[kind])
+        cycle = max(box.period.highest, FAST_PERIOD, 2.0 * (max(box.rise.highest, stroke) + box.hold.highest))
+        longest = max(2.0 * cycle, self.shortest_run.si + cycle)
         if longest > self.longest_run.si:
-            covered = f"must cover every motion; {kind} lasts up to {longest:.6g} s"
+            covered = f"must cover every motion; one lasts up to {longest:.6g} s"
             yield ("longest_run", "value"), f"{covered}, found {self.longest_run}"
 
 

@@ -10,10 +10,11 @@ from typing import TypeVar
 from pydantic import ValidationError
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration import strict_yaml
 from tendonrepro.configuration.models.manipulator import Links
 from tendonrepro.configuration.overrides import is_quantity
 from tendonrepro.configuration.strict_model import describe
-from tendonrepro.configuration.strict_yaml import Items, Key, Map, Parsed, Tree, entry, located
+from tendonrepro.configuration.strict_yaml import Items, Key, Map, Parsed, Tree
 from tendonrepro.errors import ConfigError
 
 MOST_JOINTS = 6
@@ -89,7 +90,7 @@ class _Completion:
             is_matrix = isinstance(of_base[0], list)
             if type(value) in (int, float):
                 on_and_above = [[value if q >= p else 0 for q in range(n)] for p in range(n)]
-                value = located(on_and_above if is_matrix else [value] * n, stated.at["value"])
+                value = strict_yaml.located(on_and_above if is_matrix else [value] * n, stated.at["value"])
         whole = Map({"value": value, "unit": base["unit"], "source": USER} | stated | {"value": value})
         return whole.placed(stated.here, stated.at)
 
@@ -104,7 +105,7 @@ class _Completion:
         if isinstance(value, list) and value:
             n = self.size(path, len(value))
             resized = extended_matrix(value, n) if isinstance(value[0], list) else extended(value, n)
-            value = located(resized, base.at["value"])
+            value = strict_yaml.located(resized, base.at["value"])
         source = {} if self.keeps_sources and value == base["value"] else {"source": self.mark}
         return Map(base | {"value": value} | source).placed(base.here, base.at)
 
@@ -147,7 +148,7 @@ def follow(arm: Map, base: Map, base_name: str, given: set[str]) -> None:
         value = [float(f"{share * size:.12g}") for share, size in zip(shares, sizes.tolist(), strict=True)]
         told = ", ".join(dict.fromkeys(f"{share:.3g}" for share in shares))
         source = f"assumed: {told} of {words}, as in {base_name}"
-        arm["links"][key] = located({"value": value, "unit": unit, "source": source}, arm.here)
+        arm["links"][key] = strict_yaml.located({"value": value, "unit": unit, "source": source}, arm.here)
 
 
 def _ml2(links: Links) -> Array:
@@ -161,7 +162,7 @@ def complete_experiment(tree: Map, base: Map, base_name: str, taken: set[str]) -
     ``kind``, laws and runs, which are whole.
     """
     moving = len(joints) if isinstance(joints := tree.get("joints"), list) else 0
-    winches = entry(tree, ("manipulator", "routing", "winch_diameter", "value"))
+    winches = strict_yaml.entry(tree, ("manipulator", "routing", "winch_diameter", "value"))
     arm = len(winches) if isinstance(winches, list) else 0
 
     def size(path: Key, length: int) -> int:

@@ -17,6 +17,7 @@ from typing import Literal, NamedTuple, NoReturn, TypeAlias, TypeVar
 
 from pydantic import ValidationError
 
+from tendonrepro.configuration import strict_yaml
 from tendonrepro.configuration.from_base import complete_arm, complete_experiment, follow
 from tendonrepro.configuration.models.experiment import CompareConfig, Config, DecoupleConfig, references_of
 from tendonrepro.configuration.models.manipulator import Manipulator
@@ -24,20 +25,7 @@ from tendonrepro.configuration.models.reference import Sampled
 from tendonrepro.configuration.overrides import Override, Overrides, apply_overrides, overrides_of
 from tendonrepro.configuration.quantity import unusual
 from tendonrepro.configuration.strict_model import Model, describe, explain
-from tendonrepro.configuration.strict_yaml import (
-    STDIN,
-    Key,
-    Location,
-    Map,
-    Parsed,
-    Tree,
-    dump,
-    entry,
-    load,
-    place,
-    read_text,
-    section,
-)
+from tendonrepro.configuration.strict_yaml import Key, Location, Map, Parsed, Tree
 from tendonrepro.errors import ConfigError, UsageError, did_you_mean
 from tendonrepro.files import sha256_of, shipped
 
@@ -89,11 +77,13 @@ def find_source(source: ConfigLike, kind: str | None) -> ConfigSource:
         return source
     origin = str(kind if source is None else source)
     if origin == "-":
-        return ConfigSource(read_text(None), STDIN, None)
+        return ConfigSource(strict_yaml.read_text(None), strict_yaml.STDIN, None)
     path = Path(origin)
     if source is None or (origin in shipped_names() and not path.is_file()):
         path = shipped_file(origin)
-    return ConfigSource(read_text(path, f"Shipped ones, by name: {', '.join(shipped_names())}"), origin, path)
+    return ConfigSource(
+        strict_yaml.read_text(path, f"Shipped ones, by name: {', '.join(shipped_names())}"), origin, path
+    )
 
 
 def find_file(
@@ -122,8 +112,8 @@ class Draft:
         text, self.origin, path = find_source(source, wanted)
         self.folder = path.parent if path else Path.cwd()
         self.files = [path] if path else []
-        self._name = str(path or STDIN)
-        self.tree: Map = load(text, self._name)
+        self._name = str(path or strict_yaml.STDIN)
+        self.tree: Map = strict_yaml.load(text, self._name)
         self.kind = self._kind(wanted)
         inner = [change for change in changes if change.path[0] == "base" and len(change.path) > 1]
         inner = inner if self.kind == "ensemble" else []
@@ -155,18 +145,18 @@ class Draft:
             path = self.named_file(name, MANIPULATOR)
             # What a base or an option names stands in for nothing that the file names.
             self.files.append(path)
-            arm = load(read_text(path), str(path))
-            tree[MANIPULATOR], tree.at[MANIPULATOR] = arm, place(arm, (), str(path))
-        arm = entry(tree, to_arm)
+            arm = strict_yaml.load(strict_yaml.read_text(path), str(path))
+            tree[MANIPULATOR], tree.at[MANIPULATOR] = arm, strict_yaml.place(arm, (), str(path))
+        arm = strict_yaml.entry(tree, to_arm)
         base_of_arm = self._complete_arm(arm, path)
         if experiment:
             complete_experiment(tree, *experiment)
         apply_overrides(tree, [change for change in changes if change not in naming])
         if base_of_arm:
             base, name, given = base_of_arm
-            of_links = (change.path[len(to_arm) :] for change in changes if change.path not in ((), to_arm))
-            given |= {str(key[1]) for key in of_links if key[0] == "links" and len(key) > 1}
-            follow(arm, base, name, given)
+            links = (*to_arm, "links")
+            changed = [change.path[len(links) :] for change in changes if change.path[: len(links)] == links]
+            follow(arm, base, name, given | {str(key[0]) for key in changed if key})
 
     def _base_of(self, tree: Map, path: Path | None, above: Sequence[Path | None]) -> tuple[Map, Path]:
         """What the file holds that a tree names as its base, and this file: beside its own, or shipped.
@@ -182,7 +172,7 @@ class Draft:
         base_path = find_file(name, "base", where, [folder], (*above, path), shipped=True)
         # What a shipped file names stands in for nothing.
         self.files.append(base_path)
-        base = load(read_text(base_path), str(base_path))
+        base = strict_yaml.load(strict_yaml.read_text(base_path), str(base_path))
         if not isinstance(base, Map) or base.get("experiment") != tree.get("experiment"):
             kind = f"an experiment {self.kind!r}" if "experiment" in tree else "an arm"
             raise ConfigError(f"base: {name!r} is not {kind}", where=where)
@@ -233,7 +223,7 @@ class Draft:
 
     def place(self, path: Key) -> Location:
         """Place of an entry: the option that set it, else file and line."""
-        return place(self.tree, path, self._name)
+        return strict_yaml.place(self.tree, path, self._name)
 
     def validate(self, model: type[_M]) -> _M:
         """Make the model, or raise a ConfigError with a line for every mistake."""
@@ -257,9 +247,8 @@ class LoadedConfig:
     """A validated configuration and where it came from.
 
     `tree` is `config` as plain values. `sha256` covers trajectory files too.
-    Relative paths start at `folder`. `places` has ``file:line``, or the option, of the size of each
-    reference. `changes` are the overrides; `overrides` are the words of all that was asked for. `remarks` are
-    sentences about overrides that change nothing, and values that are unusual.
+    Relative paths start at `folder`. `changes` are the overrides; `overrides` are the words of all that was
+    asked for. `remarks` are sentences about overrides that change nothing, and values that are unusual.
     """
 
     config: Config
@@ -270,13 +259,16 @@ class LoadedConfig:
     overrides: tuple[str, ...]
     inputs: tuple[Path, ...]
     folder: Path
-    places: Mapping[str, str]
     remarks: tuple[str, ...]
+
+    def place(self, *key: str | int) -> str:
+        """Option or ``file:line`` that gave an entry."""
+        return str(strict_yaml.place(self.tree, key, self.origin))
 
     @property
     def yaml_text(self) -> str:
         """As YAML."""
-        return dump(self.tree)
+        return strict_yaml.dump(self.tree)
 
 
 def load_config(
@@ -344,7 +336,6 @@ def checked_config(
         overrides=tuple(recorded),
         inputs=(*draft.files, *trajectories),
         folder=draft.folder,
-        places={".".join(path): str(draft.place((*path, "amplitude", "value"))) for path in references},
         remarks=(*_unread(config, changes), *draft.remarks(config)),
     )
 
@@ -380,7 +371,7 @@ def _only(config: Config, tree: Tree, numbers: Sequence[int]) -> CompareConfig:
         message = f"there are no runs of all of {', '.join(sorted(wanted)) or 'none'}"
         raise UsageError(message, where="--controllers", hint=f"Laws with a run: {', '.join(laws)}")
     kept = {name: run for name, run in config.runs.items() if run.law in wanted}
-    tree["runs"] = {name: run for name, run in section(tree, "runs").items() if name in kept}
+    tree["runs"] = {name: run for name, run in strict_yaml.section(tree, "runs").items() if name in kept}
     return config.model_copy(update={"runs": kept})
 
 

@@ -7,17 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple, TypeAlias, TypeGuard
 
-from tendonrepro.configuration.strict_yaml import (
-    Key,
-    Location,
-    Map,
-    Node,
-    Parsed,
-    holds,
-    load,
-    located,
-    paths,
-)
+from tendonrepro.configuration import strict_yaml
+from tendonrepro.configuration.strict_yaml import Key, Location, Map, Node, Parsed
 from tendonrepro.errors import ConfigError, UsageError, did_you_mean
 
 FILES = ("manipulator", "base", "file")
@@ -68,7 +59,7 @@ def _read(text: str, known: Node | None = None) -> Override:
     key, equals, value = text.partition("=")
     path = _path(key if equals else "", text)
     option = f"--set {_dotted(path)}"
-    return Override(path, load(value, option) if known is None else known, text, option)
+    return Override(path, strict_yaml.load(value, option) if known is None else known, text, option)
 
 
 def _path(key: str, text: str) -> Key:
@@ -103,7 +94,7 @@ def _apply(tree: Map, change: Override) -> None:
     if is_quantity(current) and not isinstance(value, dict):
         nodes.append(current)
         node, last, current = current, "value", current["value"]
-    node[last], node.at[last] = located(_for_all(current, value), here), here
+    node[last], node.at[last] = strict_yaml.located(_for_all(current, value), here), here
     for part in nodes:
         if is_quantity(part) and change.path[-1] != "source":
             part["source"] = COMMAND_LINE
@@ -112,7 +103,7 @@ def _apply(tree: Map, change: Override) -> None:
 def _refuse_ending(tree: Map, change: Override) -> None:
     """Refuse a path that is only the end of others, and name these; it may lack the value of a quantity."""
     asked = _without_value(change.path)
-    alike = [path for path in paths(tree) if path[-1] == change.path[-1]]
+    alike = [path for path in strict_yaml.paths(tree) if path[-1] == change.path[-1]]
     ending = [path for path in alike if _without_value(path)[-len(asked) :] == asked]
     if ending:
         # First a key inside something that is named after it: the payload of the run with payload.
@@ -127,7 +118,7 @@ def _without_value(path: Key) -> Key:
 
 
 def _below(node: Parsed, part: str | int, change: Override) -> Parsed:
-    if holds(node, part):
+    if strict_yaml.holds(node, part):
         return node[part]
     if isinstance(node, dict):
         is_entry = isinstance(part, int) and is_quantity(node)

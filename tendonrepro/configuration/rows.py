@@ -14,21 +14,13 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from tendonrepro.arrays import Array, Numeric
+from tendonrepro.configuration.models import readings
 from tendonrepro.configuration.models.box import FAST_PERIOD, WORDS
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.manipulator import Manipulator
-from tendonrepro.configuration.models.readings import (
-    AXES,
-    ERROR_RATES,
-    FRICTIONS,
-    OFFSETS,
-    UNDER_READINGS,
-    as_printed,
-    of_row,
-)
 from tendonrepro.configuration.models.reference import ReferenceConfig
 from tendonrepro.configuration.published import COMPARED
-from tendonrepro.configuration.quantity import to_si
+from tendonrepro.configuration.quantity import UNITS, to_si
 from tendonrepro.configuration.strict_yaml import Node, Section, Tree
 from tendonrepro.physics.trajectory import trapezoid_times
 
@@ -69,7 +61,6 @@ class Row(NamedTuple):
     """
 
     key: str
-    unit: str
     put: Callable[[Any, Joint], Any] = lambda number, _: number
     get: Callable[[Any, Joint], Any] = lambda value, _: value
     about: str = ""
@@ -82,32 +73,25 @@ class Row(NamedTuple):
         return not self.switch or _word(draw, self.switch) in (self.word, "both")
 
 
+_OVER = " over the radius squared"
 PER_JOINT: Mapping[str, Row] = {
-    "link_length": Row("links.length", "m"),
-    "link_mass": Row("links.mass", "kg"),
-    "link_com": Row(
-        "links.com", "m", lambda x, of: x * of.length, lambda v, of: v / of.length, " of the length"
-    ),
+    "link_length": Row("links.length"),
+    "link_mass": Row("links.mass"),
+    "link_com": Row("links.com", lambda x, of: x * of.length, lambda v, of: v / of.length, " of the length"),
     "link_inertia": Row(
         "links.inertia",
-        "kg m2",
         lambda x, of: x * of.mass * of.length**2,
         lambda v, of: v / (of.mass * of.length**2),
         " of m l^2",
     ),
     "tendon_stiffness": Row(
-        "tendons.axial_stiffness",
-        "N m-1",
-        lambda x, of: x / of.radius**2,
-        lambda v, of: v * of.radius**2,
-        " over the radius squared",
+        "tendons.axial_stiffness", lambda x, of: x / of.radius**2, lambda v, of: v * of.radius**2, _OVER
     ),
     "tendon_damping": Row(
         "tendons.axial_damping",
-        "N s m-1",
         lambda x, of: x / of.radius**2,
         lambda v, of: of.damping * v * of.radius**2,
-        " over the radius squared",
+        _OVER,
     ),
 }
 """Rows that each joint has of its own, without its number; the box has them for joints 2 and 3."""
@@ -115,27 +99,26 @@ PER_JOINT: Mapping[str, Row] = {
 SHARED: Mapping[str, Row] = {
     "rotor_inertia": Row(
         "winches.reflected_inertia",
-        "kg m2",
         lambda x, of: of.reduction**2 * (x + of.reducer),
         lambda v, of: v / of.reduction**2,
         " and reducer_inertia",
     ),
-    "drum_inertia": Row("winches.drum_inertia", "kg m2"),
-    "winch_viscous": Row("winches.viscous", "N m s rad-1"),
-    "link_coulomb": Row("friction.link.coulomb", "N m", switch="friction_sides", word="link"),
-    "link_viscous": Row("friction.link.viscous", "N m s rad-1", switch="friction_sides", word="link"),
-    "link_static_ratio": Row("friction.link.static_ratio", "1"),
-    "link_stribeck_velocity": Row("friction.link.stribeck_velocity", "rad s-1"),
-    "winch_coulomb": Row("friction.winch.coulomb", "N m", switch="friction_sides", word="winch"),
-    "winch_static_ratio": Row("friction.winch.static_ratio", "1"),
-    "winch_stribeck_velocity": Row("friction.winch.stribeck_velocity", "rad s-1"),
-    "pulley_loss": Row("friction.per_pulley", "1", switch="pulley_loss_acts"),
-    "reducer_efficiency": Row("friction.reducer_efficiency", "1", switch="reducer_loss_acts", off=1.0),
-    "tensioner_force": Row("tensioner.force", "N"),
-    "transmission_error": Row("transmission_error.peak_to_peak", "rad", switch="transmission_error_acts"),
-    "torque_limit": Row("actuator.torque_limit", "N m"),
-    "torque_resolution": Row("actuator.torque_resolution", "N m", switch="torque_resolution_acts"),
-    "torque_noise": Row("actuator.torque_noise", "N m", switch="torque_noise_acts"),
+    "drum_inertia": Row("winches.drum_inertia"),
+    "winch_viscous": Row("winches.viscous"),
+    "link_coulomb": Row("friction.link.coulomb", switch="friction_sides", word="link"),
+    "link_viscous": Row("friction.link.viscous", switch="friction_sides", word="link"),
+    "link_static_ratio": Row("friction.link.static_ratio"),
+    "link_stribeck_velocity": Row("friction.link.stribeck_velocity"),
+    "winch_coulomb": Row("friction.winch.coulomb", switch="friction_sides", word="winch"),
+    "winch_static_ratio": Row("friction.winch.static_ratio"),
+    "winch_stribeck_velocity": Row("friction.winch.stribeck_velocity"),
+    "pulley_loss": Row("friction.per_pulley", switch="pulley_loss_acts"),
+    "reducer_efficiency": Row("friction.reducer_efficiency", switch="reducer_loss_acts", off=1.0),
+    "tensioner_force": Row("tensioner.force"),
+    "transmission_error": Row("transmission_error.peak_to_peak", switch="transmission_error_acts"),
+    "torque_limit": Row("actuator.torque_limit"),
+    "torque_resolution": Row("actuator.torque_resolution", switch="torque_resolution_acts"),
+    "torque_noise": Row("actuator.torque_noise", switch="torque_noise_acts"),
 }
 """Rows that all joints share."""
 
@@ -166,10 +149,10 @@ def drawn_comparison(base: Tree, draw: Draw, shortest_run: float) -> CompareConf
     tree["control"]["reference_lag"] = _drawn(draw["reference_lag"], "s", "reference_lag")
     tree["reference"] = _reference(draw, shortest_run)
     tree["disturbance"] = _disturbance(draw)
-    always = np.array([value for row, value in draw.items() if row not in UNDER_READINGS])
+    always = np.array([value for row, value in draw.items() if row not in readings.UNDER_READINGS])
     seed = zlib.crc32(always.tobytes())
     tree["seed"] = _drawn(seed, "1", "its checksum, so that each has its own noise")
-    return as_printed(CompareConfig.model_validate(tree))
+    return readings.as_printed(CompareConfig.model_validate(tree))
 
 
 def scaled_comparison(base: Tree, factors: Draw, source: str) -> Section:
@@ -208,7 +191,7 @@ def _copied(tree: Mapping[str, Node]) -> Section:
 
 
 def _drawn(value: object, unit: str, row: str) -> Section:
-    return {"value": value, "unit": unit, "source": of_row(row)}
+    return {"value": value, "unit": unit, "source": readings.of_row(row)}
 
 
 def _word(draw: Draw, row: str) -> str:
@@ -227,10 +210,11 @@ def idle_rows(draw: Draw) -> set[str]:
 def _put_arm(arm: Section, draw: Draw) -> None:
     """Fill in the manipulator of the paper's arm; joint 1 is held, so its entries do not matter."""
 
-    def put(key: str, value: object, unit: str, row: str) -> None:
+    def put(key: str, value: object, row: str) -> None:
         quantity = _at(arm, key)
         alike = isinstance(quantity["value"], list) and not isinstance(value, list)
-        quantity |= _drawn([value] * len(quantity["value"]) if alike else value, unit, row)
+        value = [value] * len(quantity["value"]) if alike else value
+        quantity |= _drawn(value, UNITS[quantity["unit"]].si, row)
 
     reduction, diameter = arm["winches"]["reduction"]["value"], arm["routing"]["pulley_diameter"]
     joints = [
@@ -245,18 +229,18 @@ def _put_arm(arm: Section, draw: Draw) -> None:
     ]
     for name, row in PER_JOINT.items():
         two, three = (row.put(draw[f"{name}_{i}"], of) for i, of in zip(COMPARED, joints, strict=True))
-        put(row.key, [two, two, three], row.unit, name + row.about)
+        put(row.key, [two, two, three], name + row.about)
     for name, row in SHARED.items():
         value = row.put(draw[name], joints[-1]) if row.acts(draw) else row.off
-        put(row.key, value, row.unit, name + row.about)
+        put(row.key, value, name + row.about)
     for side in ("link", "winch"):
         stribeck = f"{side}_stribeck_velocity"
-        put(f"friction.{side}.smoothing_velocity", draw[stribeck] / 2.0, "rad s-1", f"half of {stribeck}")
+        put(f"friction.{side}.smoothing_velocity", draw[stribeck] / 2.0, f"half of {stribeck}")
     at = _word(draw, "clearance_at")
     two, three = (draw["clearance"] * (at in joint) for joint in (("both",), ("both", "distal")))
-    put("tendons.clearance", [two, two, three], "m", "clearance and clearance_at")
-    put("tendons.damping_factor", 1.0, "1", "which has the damping itself")
-    arm["tensioner"]["side"] = AXES["tensioner"].printed
+    put("tendons.clearance", [two, two, three], "clearance and clearance_at")
+    put("tendons.damping_factor", 1.0, "which has the damping itself")
+    arm["tensioner"]["side"] = readings.AXES["tensioner"].printed
 
 
 def _disturbance(draw: Draw) -> Section:
@@ -362,7 +346,7 @@ def _of_arm(arm: Manipulator) -> Iterator[tuple[str, float]]:
 def _of_runs(config: CompareConfig) -> Iterator[tuple[str, float]]:
     control, disturbance = config.control, config.disturbance
     yield "posture", config.posture.si[0]
-    if control.readings.error_rate in ERROR_RATES:
+    if control.readings.error_rate in readings.ERROR_RATES:
         yield _place("error_rate", control.readings.error_rate)
     for row in ("filter_cutoff", "reference_lag"):
         if quantity := getattr(control, row):
@@ -374,10 +358,10 @@ def _of_runs(config: CompareConfig) -> Iterator[tuple[str, float]]:
         if disturbance.kind == "sine":
             yield "disturbance_frequency", disturbance.frequency.si
     # Runs start on their reference, with equal friction, unless the comparison says otherwise.
-    for (name, joint), row in OFFSETS.items():
+    for (name, joint), row in readings.OFFSETS.items():
         offset = config.runs[name].start_offset
         yield row, 0.0 if offset is None else offset.si[joint - 2]
-    for name, row in FRICTIONS.items():
+    for name, row in readings.FRICTIONS.items():
         scale = config.runs[name].friction_scale
         yield row, 1.0 if scale is None else scale.si
 

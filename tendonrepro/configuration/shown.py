@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tendonrepro.configuration.models.control import unloaded_run
-from tendonrepro.configuration.models.readings import AXES, PRINTED
+from tendonrepro.configuration.models.readings import PRINTED
 
 BOTH = "weights=extrapolating+Delta_unit=deg"
 """Reading under which the published order comes out."""
@@ -124,33 +124,10 @@ def run_in_words(run: str) -> str:
 
 
 CHOICES = ("motion", "starts", "reference_acceleration", "run_friction")
-"""Axes of readings that change no equation: motion, starts and friction of a run, which are not published.
+"""Axes of readings that change no equation: motion, starts and friction of a run, which are not published."""
 
-A motion is drawn with its plant; `AS_CHOSEN` says what a run does by the others.
-"""
-AS_CHOSEN = {
-    ("starts", "together"): "starts on its reference",
-    ("reference_acceleration", "fed_forward"): "gets the reference's acceleration",
-    ("run_friction", "alike"): "has the same friction",
-}
-"""What every run does by a value of one of `CHOICES`: the conditions of what is said of runs as published."""
-
-
-def conditions() -> list[str]:
-    """What every run does as published, by each choice that the paper leaves open and no plant draws.
-
-    Examples
-    --------
-    >>> conditions()
-    ['starts on its reference', "gets the reference's acceleration", 'has the same friction']
-    """
-    return [AS_CHOSEN[name, AXES[name].printed] for name in CHOICES if AXES[name].printed != "drawn"]
-
-
-def every_run() -> str:
-    """Say `conditions` in one clause, whose subject is every run."""
-    *first, last = conditions()
-    return f"{', '.join(first)}, and {last}"
+EVERY_RUN = "starts on its reference, gets the reference's acceleration, and has the same friction"
+"""What every run does by the default of each of `CHOICES` but the motion, which is drawn with its plant."""
 
 
 def is_choice(reading: str) -> bool:

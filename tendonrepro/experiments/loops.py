@@ -346,10 +346,10 @@ def all_loops(loaded: LoadedConfig, laws: Sequence[UserLaw] = ()) -> dict[str, L
         loops = dict(build_loops(loaded.config, loaded.folder))
     except ConfigError as error:
         key = error.where or ""
-        if key not in loaded.places:
+        if not key.endswith("reference"):  # a file of its motion, with a line
             raise
-        message = f"{key}: {error.message}"
-        raise ConfigError(message, where=loaded.places[key], hint=error.hint) from None
+        where = loaded.place(*key.split("."), "amplitude", "value")
+        raise ConfigError(f"{key}: {error.message}", where=where, hint=error.hint) from None
     for law in laws:
         assert isinstance(loaded.config, CompareConfig)
         # A run that --controllers left out would be taken for that of the paper.

@@ -9,7 +9,7 @@ from pathlib import Path
 import jinja2
 
 from tendonrepro.configuration.ensemble import load_ensemble
-from tendonrepro.configuration.shown import SHOWN, every_run
+from tendonrepro.configuration.shown import EVERY_RUN, SHOWN
 from tendonrepro.configuration.strict_yaml import Node
 from tendonrepro.reporting.readings import Shown
 from tendonrepro.verdicts.words import percent, two_digits
@@ -60,7 +60,7 @@ def has_all_words(shown: Shown) -> bool:
 
 def conditions_in_words() -> str:
     """What every run does as published."""
-    return f"Every run {every_run()}."
+    return f"Every run {EVERY_RUN}."
 
 
 def cells_of(table: str) -> list[list[str]]:

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
-from tendonrepro.configuration.shown import every_run
+from tendonrepro.configuration.shown import EVERY_RUN
 from tendonrepro.configuration.strict_yaml import dump
 from tendonrepro.console import columns, count_of
 from tendonrepro.files import to_json
@@ -20,7 +20,7 @@ CAPTION = "What the printed numbers and claims are worth; rules in docs/verdicts
 
 LEGEND = (
     "'holds on' is the share of the simulated plants on which a claim holds. A line 'with ...' has the "
-    f"verdict where that is so; else every run {every_run()}. *: near a limit, more plants could change it."
+    f"verdict where that is so; else every run {EVERY_RUN}. *: near a limit, more plants could change it."
 )
 """What the words of the table mean, and what the verdicts rest on that the paper does not say."""
 

@@ -89,7 +89,7 @@ def test_centres_and_inertias_follow_lengths_and_masses(folder: Path) -> None:
 
 def test_they_follow_what_the_command_line_changes(folder: Path) -> None:
     """As if the file had said it."""
-    changed = {"manipulator.links.length": [0.6, 0.25], "manipulator.links.mass.value.1": 0.9}
+    changed = {"manipulator.links.length": [0.6, 0.25], "manipulator.links.mass.value.1": 0.9, "seed": 2}
     links: Any = load_config(folder / "compare.yaml", "compare", overrides=changed).config.manipulator.links
     written = arm_of(
         folder, ARM.replace("0.3, 0.25], mass: [0.8, 0.4]", "0.6, 0.25], mass: [0.8, 0.9]")

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
-from pydantic import ConfigDict, Field, StrictInt
-from pydantic.json_schema import JsonSchemaValue
+from pydantic import Field, StrictInt
 
 from tendonrepro.configuration.models.control import Control
 from tendonrepro.configuration.models.manipulator import Manipulator
@@ -85,27 +84,12 @@ class StatusLimits(Model):
     ringing_share: Annotated[Scalar, positive("1", "share of the error's power that is ringing", below=1.0)]
 
 
-def _or_file(schema: JsonSchemaValue) -> None:
-    """In the JSON schema a file may name the manipulator."""
-    file = {"type": "string", "description": "file beside this one, or a shipped one"}
-    schema["anyOf"] = [file, {"$ref": schema.pop("$ref")}]
-
-
-def _or_base(schema: JsonSchemaValue) -> None:
-    """In the JSON schema a file with a base need not have the other keys."""
-    schema["properties"]["base"] = {"type": "string", "description": "file that has the other keys"}
-    with_base = {"required": ["schema_version", "experiment", "base"]}
-    schema["anyOf"] = [{"required": schema.pop("required")}, with_base]
-
-
 class Experiment(Model):
     """What both experiments state."""
 
-    model_config = ConfigDict(json_schema_extra=_or_base)
-
     schema_version: SchemaVersion
     title: Annotated[str, Field(min_length=1, description="title of figures and files")]
-    manipulator: Annotated[Manipulator, Field(json_schema_extra=_or_file)]
+    manipulator: Manipulator
     joints: Annotated[tuple[StrictInt, ...], Field(min_length=1)]
     """moving joints: the last ones, in order"""
     posture: Annotated[Joints, Physical("rad", "joint angles at which the encoders read zero")]

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field
-from pydantic.json_schema import JsonSchemaValue
+from pydantic import Field
 
 from tendonrepro.configuration.quantity import Joints, Matrix, Physical, Scalar, nonneg, positive, wrong_sizes
 from tendonrepro.configuration.strict_model import Mistakes, Model, SchemaVersion
@@ -134,18 +133,8 @@ class ActuatorConfig(Model):
     output_delay: Annotated[Scalar, nonneg("1", "delay of the command in samples", at_most=100.0, whole=True)]
 
 
-def _or_base(schema: JsonSchemaValue) -> None:
-    """In the JSON schema an arm with a base need not have the other keys, and says how many joints it has."""
-    schema["properties"]["base"] = {"type": "string", "description": "arm that has what is not here"}
-    count = "number of joints, 1 to 6; the base's if not given"
-    schema["properties"]["joints"] = {"type": "integer", "minimum": 1, "description": count}
-    schema["anyOf"] = [{"required": schema.pop("required")}, {"required": ["base"]}]
-
-
 class Manipulator(Model):
     """A planar serial chain driven by one tendon per joint."""
-
-    model_config = ConfigDict(json_schema_extra=_or_base)
 
     schema_version: SchemaVersion
     name: Annotated[str, Field(min_length=1, description="name for titles and tables")]

@@ -10,7 +10,7 @@ import numpy as np
 from tendonrepro.arrays import Array, Numeric
 from tendonrepro.configuration.models.control import RUNS, SECOND, At, Readings
 from tendonrepro.configuration.models.experiment import CompareConfig
-from tendonrepro.configuration.models.reference import Ramp
+from tendonrepro.configuration.models.reference import Strokes
 from tendonrepro.configuration.published import COMPARED
 from tendonrepro.configuration.quantity import Moving, Scalar, Vector
 from tendonrepro.configuration.strict_model import Model
@@ -241,7 +241,7 @@ def _ramp(_: str, __: CompareConfig, draw: Mapping[str, float]) -> dict[str, obj
     amplitude = _angles([draw["amplitude"]] * len(COMPARED), "amplitude")
     rise, hold = (_scalar(round(draw[name], 2), "s", name) for name in ("rise", "hold"))
     periods = _scalar(2.0, "1")
-    ramp = Ramp.model_construct(
+    ramp = Strokes.model_construct(
         kind="ramp", amplitude=amplitude, rise=rise, hold=hold, periods=periods, turns=None
     )
     return {"reference": ramp}

@@ -74,8 +74,12 @@ class RaisedCosine(InTurns):
 
 
 class Strokes(InTurns):
-    """Up, hold, down, hold, by strokes that all last as long."""
+    """Up, hold, down, hold by strokes that all last as long.
 
+    Minimum-jerk strokes, or ramps: straight lines with steps of velocity and no acceleration.
+    """
+
+    kind: Literal["minimum_jerk", "ramp"]
     rise: Duration
     hold: Hold
 
@@ -84,25 +88,10 @@ class Strokes(InTurns):
         """Of one turn, s."""
         return 2.0 * (self.rise.si + self.hold.si)
 
-
-class MinimumJerk(Strokes):
-    """Up, hold, down, hold by minimum-jerk strokes."""
-
-    kind: Literal["minimum_jerk"]
-
     def shape(self, i: int) -> Shape:
         """What joint i does in one turn."""
-        return trajectory.minimum_jerk(self.amplitude.si[i], self.rise.si, self.hold.si)
-
-
-class Ramp(Strokes):
-    """Up, hold, down, hold along straight lines, with steps of velocity and no acceleration."""
-
-    kind: Literal["ramp"]
-
-    def shape(self, i: int) -> Shape:
-        """What joint i does in one turn."""
-        return trajectory.ramp(self.amplitude.si[i], self.rise.si, self.hold.si)
+        stroke = trajectory.ramp if self.kind == "ramp" else trajectory.minimum_jerk
+        return stroke(self.amplitude.si[i], self.rise.si, self.hold.si)
 
 
 class Trapezoidal(InTurns):
@@ -160,9 +149,7 @@ class Sampled(Model):
     """a smooth spline, or straight lines with steps of velocity and no acceleration"""
 
 
-Single: TypeAlias = Annotated[
-    RaisedCosine | MinimumJerk | Ramp | Trapezoidal | Sine, Field(discriminator="kind")
-]
+Single: TypeAlias = Annotated[RaisedCosine | Strokes | Trapezoidal | Sine, Field(discriminator="kind")]
 
 
 class PerJoint(Model):
@@ -189,7 +176,7 @@ class PerJoint(Model):
 
 
 ReferenceConfig: TypeAlias = Annotated[
-    RaisedCosine | MinimumJerk | Ramp | Trapezoidal | Sine | Sampled | PerJoint, Field(discriminator="kind")
+    RaisedCosine | Strokes | Trapezoidal | Sine | Sampled | PerJoint, Field(discriminator="kind")
 ]
 
 FEWEST = 6

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from operator import attrgetter
@@ -20,7 +20,7 @@ import numpy as np
 from tendonrepro.arrays import Array, Numeric, choose
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
 from tendonrepro.configuration.models.readings import replaced
-from tendonrepro.configuration.models.reference import MinimumJerk, Ramp, ReferenceConfig, Sampled
+from tendonrepro.configuration.models.reference import ReferenceConfig, Sampled, Strokes
 from tendonrepro.configuration.quantity import Quantity, to_si
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments import rig
@@ -246,8 +246,6 @@ def motion_code(config: CompareConfig, inputs: Inputs, folder: Path) -> tuple[Co
     return _code(tape, ("motion", cycles, ("pp",), "cc"), ("desired", desired, ("tt",), "dd")), turns
 
 
-STROKES: Mapping[str, type[MinimumJerk] | type[Ramp]] = {"minimum_jerk": MinimumJerk, "ramp": Ramp}
-"""Models of `MOTIONS`."""
 DRY_FRICTION = "manipulator.friction.winch.coulomb"
 """Off in most arms; a plant without it takes two thirds of the time."""
 
@@ -317,7 +315,7 @@ def _references(config: CompareConfig) -> list[ReferenceConfig]:
     if config.reference.kind not in MOTIONS:
         return [config.reference]
     numbers = dict(config.reference)
-    return [shape.model_construct(**numbers | {"kind": kind}) for kind, shape in STROKES.items()]
+    return [Strokes.model_construct(**numbers | {"kind": kind}) for kind in MOTIONS]
 
 
 def comparison(loaded: LoadedConfig) -> CompareConfig:
