@@ -1,9 +1,10 @@
 """The commands around the paper's data set, and anyone's measured data."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import Annotated, TypeAlias
 
 from tendonrepro.errors import UsageError
+from tendonrepro.files import Json
 from tendonrepro.studies.command import DATA, Example, command
 from tendonrepro.studies.parameters import ARGUMENT, MEASURED_FILE, TALK, Overwrite, Telling, Word
 from tendonrepro.studies.study import Answer
@@ -13,10 +14,6 @@ __all__ = ["fetch", "ingest", "inspect"]
 Mapping: TypeAlias = Annotated[Path | str, Word(help="Mapping file: which column is which variable.")]
 Measured: TypeAlias = Annotated[Path | str, Word(help="Files, folders or archives.")]
 MAPPING = Path("data/mapping.yaml")
-
-if TYPE_CHECKING:
-    from tendonrepro.dataset.fetch import Fetched
-    from tendonrepro.dataset.ingestion import Ingested, Inspected
 
 
 @command(DATA, Example(out="data/zenodo"))
@@ -28,7 +25,7 @@ def fetch(
     dry_run: bool = False,
     force: bool = False,
     talk: Telling = TALK,
-) -> Answer["Fetched"]:
+) -> Answer[Json]:
     """Download the paper's data set and verify it.
 
     A second run needs no network.
@@ -60,7 +57,7 @@ def fetch(
 @command(DATA, Example("data/zenodo", suggest=True))
 def inspect(
     *paths: Measured, suggest: bool = False, mapping: Path | str | None = None, force: bool = False
-) -> Answer["Inspected"]:
+) -> Answer[Json]:
     """What is in files of any format, and what it seems to mean.
 
     Parameters
@@ -94,7 +91,7 @@ def ingest(
     dry_run: bool = False,
     force: Overwrite = False,
     talk: Telling = TALK,
-) -> Answer["Ingested"]:
+) -> Answer[Json]:
     """Convert measured data to the layout of simulated traces.
 
     Parameters

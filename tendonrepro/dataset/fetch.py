@@ -8,7 +8,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path, PureWindowsPath
-from typing import NotRequired, TypedDict, cast
 from urllib.parse import quote, urlsplit
 
 from requests import RequestException, Response, Session
@@ -18,45 +17,22 @@ from urllib3.util import Retry
 from tendonrepro import __version__
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import locked, md5_of, read_json, refuse_file, require_space, to_json, write_atomically
+from tendonrepro.files import (
+    Json,
+    locked,
+    md5_of,
+    read_json,
+    refuse_file,
+    require_space,
+    to_json,
+    write_atomically,
+)
 from tendonrepro.results.tables import Table
 
 SITE = "https://zenodo.org"
 VARIABLE = "TENDONREPRO_ZENODO_URL"
 AGENT = f"tendonrepro/{__version__} (+https://doi.org/10.3390/act15050271)"
 BY_HAND = "or download the files in a browser: inspect and ingest read any folder"
-
-
-class RecordFile(TypedDict):
-    """A file of a record: its name, size in bytes, MD5, and whether it was ``downloaded`` or ``present``."""
-
-    key: str
-    size: int
-    md5: str
-    action: NotRequired[str]
-
-
-class RecordLock(TypedDict):
-    """What the lock beside the files says of a record."""
-
-    schema_version: int
-    record: str
-    requested: str
-    base_url: str
-    doi: str | None
-    title: str | None
-    version: str | None
-    licence: str | None
-    fetched_at: str
-    files: list[RecordFile]
-
-
-class Fetched(RecordLock):
-    """What ``--json`` prints."""
-
-    out: str
-    lock: str
-    dry_run: bool
 
 
 _TIMEOUT = 15.0, 60.0
@@ -67,9 +43,7 @@ _TRIES = 10
 """Of a download that is cut off."""
 
 
-def run_fetch(
-    record: str, out: Path, base_url: str | None, force: bool, dry_run: bool, talk: Talk
-) -> Fetched:
+def run_fetch(record: str, out: Path, base_url: str | None, force: bool, dry_run: bool, talk: Talk) -> Json:
     """Bring the files of a record into a folder, or show that they are there; the lock is beside it.
 
     `record` is a number, DOI or address; `base_url`, or the environment, names another site.
@@ -84,20 +58,19 @@ def run_fetch(
     number = record_number(record)
     refuse_file(out)
     lock_path = out.resolve().with_name(f"{out.resolve().name}.lock.json")
-    stored: RecordLock | None = None
+    lock: Json = {}
     if lock_path.exists():
-        stored = cast(RecordLock, read_json(lock_path, "remove it, and fetch asks for the record again"))
-    if stored and number in {stored["record"], stored.get("requested")}:
-        lock = stored
-    elif stored and not force:
-        message = f"holds record {stored['record']}, not {number}"
-        raise UsageError(message, where=str(out), hint="choose another --out, or say --force")
-    else:
+        lock = read_json(lock_path, "remove it, and fetch asks for the record again")
+    if number not in (lock.get("record"), lock.get("requested")):
+        if lock and not force:
+            message = f"holds record {lock['record']}, not {number}"
+            raise UsageError(message, where=str(out), hint="choose another --out, or say --force")
         lock = _described(base_url or os.environ.get(VARIABLE) or SITE, number)
-    _refuse_other_places(lock["files"], out)
+    if wrong := [file["key"] for file in lock["files"] if not _is_plain(file["key"])]:
+        message = f"the record names {', '.join(map(ascii, wrong))}, which is no place for a file"
+        raise DataMissingError(message, where=str(out), hint=f"tell its authors, {BY_HAND}")
     wanted = [file for file in lock["files"] if not _is_same(out / file["key"], file)]
-    for file in wanted:
-        path = out / file["key"]
+    for path in (out / file["key"] for file in wanted):
         if path.exists() and not force:
             hint = "move it away, or say --force to replace it"
             raise UsageError("is not the file of the record", where=str(path), hint=hint)
@@ -105,19 +78,15 @@ def run_fetch(
     if not dry_run:
         _obtain(wanted, out, lock, talk)
         write_atomically(lock_path, to_json(lock))
-    files: list[RecordFile] = [
-        {**file, "action": "downloaded" if file in wanted else "present"} for file in lock["files"]
-    ]
-    return {**lock, "out": str(out), "lock": str(lock_path), "dry_run": dry_run, "files": files}
+    files = [file | {"action": "downloaded" if file in wanted else "present"} for file in lock["files"]]
+    return lock | {"out": str(out), "lock": str(lock_path), "dry_run": dry_run, "files": files}
 
 
-def fetch_text(fetched: Fetched) -> str:
+def fetch_text(fetched: Json) -> str:
     """What a terminal shows."""
-    head = (
-        f"{fetched['title']} ({fetched['doi']}), version {fetched['version']}, licence {fetched['licence']}"
-    )
+    told = "{title} ({doi}), version {version}, licence {licence}; in {out}".format_map(fetched)
     shown = ("key", "size", "action")
-    return Table("files", f"{head}; in {fetched['out']}", fetched["files"], terminal=shown).text()
+    return Table("files", told, fetched["files"], terminal=shown).text()
 
 
 def record_number(text: str) -> str:
@@ -133,13 +102,6 @@ def record_number(text: str) -> str:
     return match[1]
 
 
-def _refuse_other_places(files: list[RecordFile], out: Path) -> None:
-    """Refuse a record with a name that is no plain path below `out`, on any system."""
-    if wrong := [file["key"] for file in files if not _is_plain(file["key"])]:
-        message = f"the record names {', '.join(map(ascii, wrong))}, which is no place for a file"
-        raise DataMissingError(message, where=str(out), hint=f"tell its authors, {BY_HAND}")
-
-
 def _is_plain(key: str) -> bool:
     """Whether a name is a path downwards in its shortest form, without drive or control character."""
     path = PureWindowsPath(key)
@@ -147,18 +109,19 @@ def _is_plain(key: str) -> bool:
     return is_below and path.as_posix() == key and key.isprintable()
 
 
-def _is_same(path: Path, file: RecordFile) -> bool:
+def _is_same(path: Path, file: Json) -> bool:
     return path.is_file() and path.stat().st_size == file["size"] and md5_of(path) == file["md5"]
 
 
-def _described(site: str, number: str) -> RecordLock:
+def _described(site: str, number: str) -> Json:
+    """What the site says of a record: the lock, but for its files' actions."""
     site = site.rstrip("/").removesuffix("/api")
     url = f"{site}/api/records/{number}"
     with _session() as session, _asked(session, url) as response:
         try:
             data = response.json()
             meta, number_now = data["metadata"], str(data["id"])
-            files: list[RecordFile] = [
+            files = [
                 {"key": file["key"], "size": file["size"], "md5": file["checksum"].removeprefix("md5:")}
                 for file in data.get("files") or ()
             ]
@@ -209,7 +172,7 @@ def _asked(session: Session, url: str, start: int = 0) -> Response:
     raise DataMissingError(f"the site answers {said}", where=url, hint=hint)
 
 
-def _obtain(files: list[RecordFile], out: Path, lock: RecordLock, talk: Talk) -> None:
+def _obtain(files: list[Json], out: Path, lock: Json, talk: Talk) -> None:
     only_writer = out.with_name(f".{out.name}.lock")
     out.mkdir(parents=True, exist_ok=True)
     size = sum(file["size"] for file in files)

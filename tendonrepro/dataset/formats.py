@@ -80,11 +80,15 @@ def read_lvm(path: Path) -> Tables:
     Unreadable
         If it is no table, or has several segments.
     """
-    settings, headers = _header(path)
-    if headers > _HEADERS:
-        raise Unreadable(
-            "a LabVIEW measurement of several segments: write it with one header only, as TDMS, or cut it"
-        )
+    with path.open(encoding="latin-1") as stream:
+        head, _, _ = stream.read(2**16).rpartition(_END)
+        stream.seek(0)
+        if sum(line.startswith(_END) for line in stream) > _HEADERS:
+            raise Unreadable(
+                "a LabVIEW measurement of several segments: write it with one header, or as TDMS"
+            )
+    told = re.findall(r"^(X0|Delta_X)\t([-+\d.,eE]+)", head, re.MULTILINE)
+    settings = {name: float(number.replace(",", ".")) for name, number in told}
     (recorded,) = read_text_table(path).values()
     columns = Columns()
     columns.notes = recorded.notes
@@ -97,16 +101,6 @@ def read_lvm(path: Path) -> Tables:
     for name, values in recorded.items():
         columns.add("time" if name in times else name, values, "s" if name in times else "")
     return Tables({"": columns})
-
-
-def _header(path: Path) -> tuple[dict[str, float], int]:
-    """Start and step of the samples, by their names in the headers, and how many headers there are."""
-    with path.open(encoding="latin-1") as stream:
-        head, _, _ = stream.read(2**16).rpartition(_END)
-        stream.seek(0)
-        headers = sum(line.startswith(_END) for line in stream)
-    told = re.findall(r"^(X0|Delta_X)\t([-+\d.,eE]+)", head, re.MULTILINE)
-    return {name: float(number.replace(",", ".")) for name, number in told}, headers
 
 
 def read_tdms(path: Path) -> Tables:
@@ -128,13 +122,11 @@ def read_tdms(path: Path) -> Tables:
     for group in TdmsFile.read(path).groups():
         signals = tree.setdefault(group.name, {})
         for channel in group.channels():
-            values = np.asarray(channel[:])
+            values, properties = np.asarray(channel[:]), channel.properties
+            unit = str(properties.get("unit_string") or properties.get("NI_UnitDescription") or "")
             if values.dtype.kind not in "biuf" or not values.size:
                 left_out.append(f"channel {group.name}/{channel.name}: no numbers")
-                continue
-            units = (channel.properties.get(key) for key in ("unit_string", "NI_UnitDescription"))
-            unit = str(next(filter(None, units), ""))
-            if channel.properties.get("wf_increment"):
+            elif properties.get("wf_increment"):
                 times = np.asarray(channel.time_track(), float)
                 signals[channel.name] = Series(times, values, channel.name, unit)
             else:

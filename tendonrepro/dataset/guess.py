@@ -6,7 +6,6 @@ import json
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -42,7 +41,7 @@ class Guess:
 
     `says` are the groups of its name and of the names around it. `runs` are those that it belongs to, with
     the payload of each. `numbered` and `sized` tell how its joint and `unit` were found, if not by its name.
-    `doubt` says why its array is not guessed, and `asked` why the column is not.
+    `asked` says why the column is not guessed.
     """
 
     table: Columns
@@ -56,15 +55,22 @@ class Guess:
     numbered: str = ""
     sized: str = ""
     check: str = ""
-    doubt: str = ""
     asked: str = ""
 
     @property
     def use(self) -> Use:
         """What it is in the mapping; where it is asked, capitals stand for what a person has to fill in."""
-        if self.asked:
-            return _to_fill(self)
-        return Use(self.variable or VARIABLE, 0 if self.variable == "time" else self.joint or 0, self.unit)
+        said = self.said
+        if not self.asked:
+            return Use(
+                self.variable or VARIABLE, 0 if self.variable == "time" else self.joint or 0, self.unit
+            )
+        # Beside an unknown word only an angle or a role is sure.
+        is_sure = not said.unknown or said.says & (KINDS | ROLES | {"angle"})
+        variable = self.variable if is_sure and _fits(said.unit, self.variable) else None
+        is_joint = said.joint is not None and 1 <= said.joint <= MOST_JOINTS
+        unit = said.unit if said.unit and plain_unit(said.unit) else UNIT
+        return Use(variable or VARIABLE, self.joint or 0 if is_joint else 0, unit)
 
     @property
     def values(self) -> Column:
@@ -130,7 +136,7 @@ def guesses_of(table: Columns, deciding: set[tuple[str, ...]]) -> list[Guess]:
     _doubt_arrays(columns)
     for column in columns:
         column.runs = column.runs if column.said.controller or not shared else shared
-        column.asked = "" if column.check else _problem(column)
+        column.asked = column.asked or ("" if column.check else _problem(column))
         if not column.asked:
             column.check = "; ".join(filter(None, [column.check, *_checks(column)]))
     return columns
@@ -146,21 +152,6 @@ def _named(table: Columns, name: str, around: Sequence[Meaning]) -> Guess:
     inside = len(around) - len(table.name.partition(":")[0].split("/"))
     says = _with_context(said, around, inside)
     return Guess(table, name, said, says, joint, variable_of(says), _runs_of(table.name, [said, *around]))
-
-
-def _to_fill(column: Guess) -> Use:
-    """Line of a column that is asked: what is sure, and capitals for the rest."""
-    said, variable, joint = column.said, column.variable, column.joint or 0
-    # An unknown word may say another quantity of a joint or motor, unless it stands beside an angle or role.
-    is_bare = bool(said.unknown) and not said.says & (KINDS | ROLES | {"angle"})
-    if column.doubt or is_bare or not _fits(said.unit, variable):
-        variable = None
-    # A place in an array tells a joint only where the array is known.
-    is_told = 1 <= joint <= MOST_JOINTS and (variable is not None or said.joint is not None)
-    unit = None if is_other_unit(said.unit or "") else said.unit
-    if unit is None and variable is not None and not said.unknown:
-        unit = column.unit
-    return Use(variable or VARIABLE, joint if is_told else 0, unit or UNIT)
 
 
 def _number_joints(columns: Sequence[Guess], around: Sequence[Meaning]) -> None:
@@ -215,7 +206,7 @@ def _unit_of_times(time: Array) -> tuple[str, str]:
 
 
 def _take_times(columns: Sequence[Guess]) -> None:
-    """Take a first column without a name for the times if it increases evenly; ask of times side by side."""
+    """Take a first column without a name for the times if it increases evenly."""
     first = columns[0]
     is_free = first.is_numbers and first.variable is None and _fits(first.said.unit, "time")
     if is_free and all(other.variable != "time" for other in columns):
@@ -223,9 +214,6 @@ def _take_times(columns: Sequence[Guess]) -> None:
         if len(steps) > 1 and (steps > 0.0).all() and np.ptp(steps) < 0.01 * steps.mean():
             first.variable = "time"
             first.check = "the first column, whose numbers increase evenly, taken as times"
-    for before, column in pairwise(columns):
-        if before.variable == column.variable == "time":
-            column.check = f"times of {quoted(before.column)} are used; to use these delete the line of those"
 
 
 def _take_rates(columns: Sequence[Guess]) -> None:
@@ -258,7 +246,8 @@ def _doubt_arrays(columns: Sequence[Guess]) -> None:
         taken = [column for column in array if column.variable not in (None, "time")]
         if len(taken) > 3 or len({(column.variable, column.joint) for column in taken}) < len(taken):
             for column in taken:
-                column.doubt = f"one of {len(array)} columns of an array; nothing says which is which"
+                column.variable = None
+                column.asked = f"one of {len(array)} columns of an array; nothing says which is which"
 
 
 def _with_context(said: Meaning, around: Sequence[Meaning], inside: int) -> frozenset[str]:
@@ -298,20 +287,11 @@ def _problem(column: Guess) -> str:
     if said.unknown:
         return f"not known: {', '.join(said.unknown)}"
     if variable is None:
-        return _unsaid(column)
+        return "its words are those of no variable"
     if not _fits(said.unit, variable):
         return f"its name says {variable}, its unit {said.unit}"
     is_joint = variable == "time" or 1 <= (column.joint or 0) <= MOST_JOINTS
-    return column.doubt or ("" if is_joint else f"its name has no joint from 1 to {MOST_JOINTS}")
-
-
-def _unsaid(column: Guess) -> str:
-    """Why known words are no variable."""
-    if "other" in column.says:
-        return "a quantity that is not guessed, as a voltage or an acceleration"
-    if column.says >= {"motor", "rate"}:
-        return "a motor's velocity, which no variable holds"
-    return "its words do not go together" if column.says & (KINDS | ROLES) else "no word says what it is"
+    return "" if is_joint else f"its name has no joint from 1 to {MOST_JOINTS}"
 
 
 def _fits(unit: str | None, variable: str | None) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal, TypedDict, cast
+from typing import Literal
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from tendonrepro.dataset.suggestion import guess_mapping
 from tendonrepro.dataset.tables import Columns
 from tendonrepro.dataset.windows import Timing, spans
 from tendonrepro.errors import DataMissingError
-from tendonrepro.files import refuse_existing, write_atomically
+from tendonrepro.files import Json, refuse_existing, write_atomically
 from tendonrepro.results.paper import with_what_they_are
 from tendonrepro.results.records import (
     DECOUPLING_RUNS,
@@ -41,42 +41,14 @@ from tendonrepro.results.traces import write_traces
 _PRINTED = "printed: Table 1, signs of section 3.3"
 
 
-class Inspected(TypedDict):
-    """What files hold, and the mapping that was guessed; by file what was not read or left out, and why.
-
-    Of each table its ``name`` and ``columns``: how many samples, from where to where, in which steps.
-    """
-
-    schema_version: int
-    tables: list[dict[str, Any]]
-    unread: Mapping[str, str]
-    left_out: Mapping[str, Sequence[str]]
-    suggestion: str
-    runs: dict[str, int]
-    left: list[str]
-    mapping: str | None
-
-
-class Ingested(TypedDict):
-    """What was made of measured files; each run with joints, samples, errors.
-
-    `guesses` are those that nobody confirmed, `notes` say what was done to numbers, `doubts` what looks
-    wrong, and `inputs` are the files.
-    """
-
-    schema_version: int
-    out: str
-    dry_run: bool
-    title: str
-    runs: dict[str, dict[str, object]]
-    guesses: list[str]
-    notes: list[str]
-    doubts: list[str]
-    inputs: list[dict[str, str | int]]
-
-
-def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool) -> Inspected:
+def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool) -> Json:
     """List what files, folders and archives hold, and write a mapping if one is named.
+
+    Returns
+    -------
+    dict
+        ``tables``, each with its ``name`` and of its ``columns`` how many samples, from where to where, in
+        which steps; by file what was ``unread`` or ``left_out``, and why; and what was guessed.
 
     Raises
     ------
@@ -116,7 +88,7 @@ def _columns(table: Columns) -> list[dict[str, object]]:
     return rows
 
 
-def inspect_text(inspected: Inspected) -> str:
+def inspect_text(inspected: Json) -> str:
     """What a terminal shows."""
     parts = [Table("", table["name"], table["columns"]).text() for table in inspected["tables"]]
     parts += [f"{file}: {line}" for file, lines in inspected["left_out"].items() for line in lines]
@@ -135,10 +107,16 @@ def run_ingest(
     dry_run: bool,
     talk: Talk,
     confirm: bool = False,
-) -> Ingested:
+) -> Json:
     """Convert measured files, folders and archives to a trace file `out`.
 
     `confirm` takes every guess in the mapping for right, and deletes its mark.
+
+    Returns
+    -------
+    dict
+        ``runs``, each with joints, samples and errors; ``guesses`` that nobody confirmed; ``notes`` on what
+        was done to numbers; ``doubts``, what looks wrong; and ``inputs``, the files.
 
     Raises
     ------
@@ -189,7 +167,7 @@ def run_ingest(
     starts = _starts(file)
     described = {name: _described(trace, starts.get(name)) for name, trace in runs.items()}
     head = {"schema_version": 1, "out": str(out), "dry_run": dry_run, "title": file.title}
-    return cast(Ingested, {**head, "runs": described, **made})
+    return {**head, "runs": described, **made}
 
 
 def _plant_record(runs: Mapping[str, Trace]) -> PlantRecord:
@@ -237,7 +215,7 @@ def _described(trace: Trace, start: float | None) -> dict[str, object]:
     return described
 
 
-def ingest_text(made: Ingested) -> str:
+def ingest_text(made: Json) -> str:
     """What a terminal shows."""
     rows = [{"run": name} | run for name, run in made["runs"].items()]
     names = ("run", "joints", "samples", "step_s", "status", "errors_from_s", "mae_deg", "rmse_deg")

@@ -115,17 +115,8 @@ Size: TypeAlias = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=Fals
 Step: TypeAlias = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
 
 
-def _reading_error(given: object) -> object:
-    for name, degrees in given.items() if isinstance(given, dict) else [("", given)]:
-        if name and (name not in VARIABLES or kind_of(name) != "angle"):
-            angles = [variable for variable in VARIABLES if kind_of(variable) == "angle"]
-            refuse(f"there is no angle {name!r}, only {', '.join(angles)}")
-        if isinstance(degrees, bool) or not isinstance(degrees, int | float) or not 0.0 <= degrees < math.inf:
-            refuse(f"must be a number of degrees, 0 or more, found {degrees!r}")
-    return given
-
-
-ReadingError: TypeAlias = Annotated[float | dict[str, float], BeforeValidator(_reading_error)]
+_ANGLES = [variable for variable in VARIABLES if kind_of(variable) == "angle"]
+Angle: TypeAlias = Annotated[str, Field(pattern=f"^({'|'.join(_ANGLES)})$")]
 
 
 class RunMapping(Model):
@@ -146,7 +137,7 @@ class RunMapping(Model):
     to_s: Number = float("inf")
     step_s: Step | None = None
     part: Annotated[int, Field(ge=1)] | None = None
-    reading_error_deg: ReadingError | None = None
+    reading_error_deg: Size | dict[Angle, Size] | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -214,24 +205,17 @@ def parse_mapping(text: str, name: str) -> MappingFile:
 
 
 def _refuse_to_fill(document: Parsed, name: str) -> None:
-    """Refuse a mapping with lines to fill in by one sentence, with up to three of them as examples."""
+    """Refuse a mapping with lines to fill in by one sentence, with up to three of them."""
     uses = {path: entry(document, path) for path in paths(document) if "columns" in path[:-1]}
-    blanks = {
-        path: use
-        for path, use in uses.items()
-        if isinstance(use, str) and {VARIABLE, JOINT, UNIT} & {*use.split()}
-    }
-    if not blanks:
-        return
-    examples = []
-    for (path, use), variable in zip(blanks.items(), ("q_d", "q_encoder", "e"), strict=False):
-        filled = f"{variable} 2 deg" if VARIABLE in use else use.replace(JOINT, "2").replace(UNIT, "deg")
-        examples.append(f"  {json.dumps(path[-1], ensure_ascii=False)}: {filled}")
-    raise ConfigError(
-        f"{count_of(len(blanks), 'line')} to fill in: the names of the columns do not say enough",
-        where=str(place(document, next(iter(blanks)), name)),
-        hint="\n".join(["say what those are that you need, as in", *examples, "and delete the rest"]),
-    )
+    capitals = {VARIABLE, JOINT, UNIT}
+    blanks = [path for path, use in uses.items() if isinstance(use, str) and capitals & {*use.split()}]
+    if blanks:
+        names = ", ".join(json.dumps(path[-1], ensure_ascii=False) for path in blanks[:3])
+        raise ConfigError(
+            f"{count_of(len(blanks), 'line')} to fill in: the names of the columns do not say enough",
+            where=str(place(document, blanks[0], name)),
+            hint=f"say what those are that you need, as in 'q_d 2 deg', and delete the rest: {names}",
+        )
 
 
 def confirmed(text: str) -> str:

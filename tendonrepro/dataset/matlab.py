@@ -44,7 +44,9 @@ def read_matlab(path: Path) -> Tables:
     # A figure of MATLAB is a file of MATLAB, and its tables are of colours.
     if path.suffix.lower() == ".fig":
         raise Unreadable("a figure of MATLAB: open it there and save the data of its lines")
-    _refuse_text(path)
+    with path.open("rb") as stream:
+        if b"# name:" in stream.read(200):
+            raise Unreadable("Octave's text format is not read: in Octave, load it, then save -v7 NEW.mat")
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         variables, reasons = _by_scipy(path) if matio is None else _by_matio(path)
@@ -68,18 +70,9 @@ def _by_matio(path: Path) -> tuple[Nested, list[str]]:
             # One by one, since a broken one fails the load of all.
             read = matio.load_from_mat(str(path), variable_names=[name], add_table_attrs=True)
             variables[name] = _plain(read[name])
-        except RecursionError:
-            reasons.append(f"{name}: holds itself, as nested function handles do")
         except Exception as error:
             reasons.append(f"{name}: cannot be read, {type(error).__name__} {error}"[:160])
     return variables | _streams(path), reasons
-
-
-def _refuse_text(path: Path) -> None:
-    with path.open("rb") as stream:
-        head = stream.read(200)
-    if head.startswith(b"# Created by Octave") or b"# name:" in head:
-        raise Unreadable("Octave's text format is not read: in Octave, load it, then save -v7 NEW.mat")
 
 
 def _names(path: Path) -> list[str]:
@@ -175,9 +168,7 @@ def as_structure(members: Nested) -> Nested:
     if isinstance(members.get("signals"), dict) and isinstance(members.get("time"), np.ndarray):
         return _scope(members["time"], members["signals"])
     if isinstance(members.get("X"), dict) and isinstance(members.get("Y"), dict):
-        captured = _capture(members["X"], members["Y"])
-        if captured:
-            return captured
+        return _capture(members["X"], members["Y"]) or members
     # A signal of a scope has labels of its axes beside its values.
     return members if "values" in members else _named_block(members)
 
@@ -235,11 +226,17 @@ def _elements(elements: Nested) -> Nested:
     named: Nested = {}
     for number, item in elements.items():
         for label, signal in _signals(item):
-            key = label or f"signal {number}"
-            while key in named:
-                key += f" #{number}"
-            named[key] = signal
+            named[_free(named, label or f"signal {number}")] = signal
     return named
+
+
+def _free(named: Nested, name: str) -> str:
+    """The name, numbered where another has it."""
+    number, free = 1, name
+    while free in named:
+        number += 1
+        free = f"{name} #{number}"
+    return free
 
 
 def _signals(item: object, label: str = "") -> Iterator[tuple[str, object]]:
@@ -265,37 +262,31 @@ def _scope(time: Column, signals: Nested) -> Nested:
         # A scope's title may be a pattern, and its labels may be those of the axes.
         name = (title if not title.startswith("%<") else "") or (labels[-1] if labels else "")
         name = name or f"signal {number}"
-        parts = legend if legend else labels if len(labels) > 1 else []
-        flat = values.ndim == 2 and values.shape[1] == len(parts) > 1
-        said = _UNIT_AT_END.match(name)
-        head, unit = (said[1], f" {said[2]}") if said else (name, "")
-        named = {f"{head} {part}{unit}": values[:, k] for k, part in enumerate(parts)} if flat else {}
-        for key, column in (named or {name: values}).items():
-            free = key if key not in columns else f"{key} #{number}"
-            columns[free] = column
+        parts = legend or labels
+        if len(parts) > 1 and values.shape[1:] == (len(parts),):
+            said = _UNIT_AT_END.match(name)
+            head, unit = (said[1], f" {said[2]}") if said else (name, "")
+            for part, column in zip(parts, values.T, strict=True):
+                columns[_free(columns, f"{head} {part}{unit}")] = column
+        else:
+            columns[_free(columns, name)] = values
     return columns
 
 
 def _capture(X: Nested, Y: Nested) -> Nested:
-    """Signals of dSPACE's ControlDesk, each on its own raster."""
+    """Signals of dSPACE's ControlDesk, each on its own raster; nothing of other structures."""
     clocks, signals = ([part] if "Data" in part else list(part.values()) for part in (X, Y))
-    if not all(
-        isinstance(part, dict) and isinstance(part.get("Data"), np.ndarray) for part in clocks + signals
-    ):
+    if not all(isinstance(part, dict) and "Data" in part for part in clocks + signals):
         return {}
-    tables: Nested = {}
+    named: Nested = {}
     for number, signal in enumerate(signals, start=1):
-        index = signal.get("XIndex")
-        place = int(np.ravel(index)[0]) - 1 if isinstance(index, np.ndarray) and index.size else 0
-        time = np.ravel(clocks[place if 0 <= place < len(clocks) else 0]["Data"]).astype(float)
+        time = np.ravel(clocks[int(np.ravel(signal.get("XIndex", 1))[0]) - 1]["Data"]).astype(float)
         values = np.ravel(signal["Data"]).astype(float)
         name = text(signal.get("Name")).replace('"', "").rpartition("/")[2] or f"signal {number}"
-        if len(values) != len(time):
-            tables[name] = values
-            continue
-        series = Series(time, values, name, text(signal.get("Unit")))
-        tables[name if name not in tables else f"{name} #{number}"] = series
-    return tables
+        is_on_time = len(values) == len(time)
+        series = Series(time, values, name, text(signal.get("Unit"))) if is_on_time else values
+        named[_free(named, name)] = series
+    return named
 
 
 def _timeseries(tree: Nested) -> Series | None:

@@ -55,25 +55,23 @@ def _collect(tree: Nested, path: str, tables: Tables, apart: dict[str, list[str]
         if isinstance(value, Series):
             same = len(value.time), value.time.tobytes()
             group = groups.setdefault(same, Columns({"time (s)": value.time}))
-            signals = value.values.reshape(len(value.time), -1).astype(float).T
-            for k, signal in enumerate(signals, start=1):
-                place = f"[{k}]" if len(signals) > 1 else ""
-                group.add(f"{value.name or name}{place}", signal, value.unit)
+            for signal, column in _signals(value.name or name, value.values, 0):
+                group.add(signal, column, value.unit)
         elif isinstance(value, Columns):
             tables[where] = value
         elif isinstance(value, dict):
             inner.append((where, value))
-        elif not _is_array(value):
-            is_lost = value is not None and np.size(value) and not _is_words(value)
-            if is_lost:
+        elif not isinstance(value, np.ndarray) or value.size < 2 or value.dtype.kind not in "biufc":
+            is_words = np.asarray(value).dtype.kind in "US"
+            if value is not None and np.size(value) and not is_words:
                 apart.setdefault("single values, no signals", []).append(where)
         elif reason := _no_signals(value):
             shape = "×".join(map(str, value.shape))
             apart.setdefault(reason, []).append(f"{where} ({shape})")
         else:
-            group = groups.setdefault((_samples_of(value), b""), Columns())
-            for index, column in _rows(value):
-                group.add(f"{name}[{index}]" if index else name, column)
+            group = groups.setdefault((max(value.shape), b""), Columns())
+            for signal, column in _signals(name, value, int(np.argmax(value.shape))):
+                group.add(signal, column)
     for number, ((rows, clock), columns) in enumerate(groups.items(), start=1):
         which = f"[clock {number}]" if clock else f"[{rows} rows]"
         tables[path if len(groups) == 1 else f"{path}{which}"] = columns
@@ -81,23 +79,9 @@ def _collect(tree: Nested, path: str, tables: Tables, apart: dict[str, list[str]
         _collect(value, where, tables, apart)
 
 
-def _is_array(value: object) -> bool:
-    """Whether a value has several numbers."""
-    return isinstance(value, np.ndarray) and value.size > 1 and value.dtype.kind in "biufc"
-
-
-def _is_words(value: object) -> bool:
-    return isinstance(value, str | bytes) or (isinstance(value, np.ndarray) and value.dtype.kind in "US")
-
-
-def _samples_of(values: Column) -> int:
-    """Length of the longest axis: that of the samples."""
-    return int(max(values.shape))
-
-
 def _no_signals(values: Column) -> str:
     """Why an array holds no signals, or an empty text."""
-    samples = _samples_of(values)
+    samples = max(values.shape)
     if values.dtype.kind == "c":
         return "complex numbers"
     if samples < FEWEST:
@@ -105,14 +89,14 @@ def _no_signals(values: Column) -> str:
     return f"more than {MOST_COLUMNS} columns" if values.size > MOST_COLUMNS * samples else ""
 
 
-def _rows(values: Column) -> Iterator[tuple[str, NDArray[np.float64]]]:
-    """Columns of an array of any dimensions, with their places in it, counted from 1."""
-    moved = np.moveaxis(values, int(np.argmax(values.shape)), 0).astype(float)
+def _signals(name: str, values: Column, axis: int) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    """Columns of an array with samples along an axis, named by their places in it, counted from 1."""
+    moved = np.moveaxis(values, axis, 0).astype(float)
     sizes = moved.shape[1:]
     columns = moved.reshape(len(moved), -1).T
     for place, column in zip(product(*map(range, sizes)), columns, strict=True):
-        told = [str(k + 1) for k, size in zip(place, sizes, strict=True) if size > 1]
-        yield ",".join(told), column
+        told = ",".join(str(k + 1) for k, size in zip(place, sizes, strict=True) if size > 1)
+        yield f"{name}[{told}]" if told else name, column
 
 
 def read_hdf5(path: Path) -> Tables:

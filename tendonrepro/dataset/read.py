@@ -145,7 +145,9 @@ def read_file(path: Path, name: str) -> tuple[list[Columns], list[str]]:
     left_out = tables.left_out + [
         f"{inner}: {note}" if inner else note for inner, columns in tables.items() for note in columns.notes
     ]
-    filled = {inner: with_one_time(columns) for inner, columns in tables.items() if columns}
+    filled = {inner: columns for inner, columns in tables.items() if columns}
+    for columns in filled.values():
+        with_one_time(columns)
     wide = {f"{inner}.{BY_JOINT}".strip("."): by_joint(columns) for inner, columns in filled.items()}
     filled |= {inner: columns for inner, columns in wide.items() if columns}
     if not filled:

@@ -14,7 +14,7 @@ from tendonrepro.configuration.published import coupling_of, published, table_1
 from tendonrepro.dataset.clocks import by_clock, by_rows, in_order, read_off, rows_of, times_of
 from tendonrepro.dataset.mapping import LOOP_STEPS, MappingFile, RunMapping, Use
 from tendonrepro.dataset.read import Contents
-from tendonrepro.dataset.tables import FEWEST, Columns
+from tendonrepro.dataset.tables import Columns
 from tendonrepro.errors import ConfigError, DataMissingError
 from tendonrepro.physics.metrics import mean, status_of
 from tendonrepro.results.records import READ_OFF, Trace, median_step
@@ -22,8 +22,6 @@ from tendonrepro.results.records import READ_OFF, Trace, median_step
 _ANGLES = "q_d", "q_encoder", "q_calculated"
 _FAR = 0.1
 """Mean difference of two of these, over the range, beyond which they are in doubt."""
-_ALIKE = 0.8
-"""Least share of a slope, or of its variance, that a rate has to be."""
 _MOST_TURN_DEG = 190.0
 _HELD = float(np.deg2rad(0.03))
 """Range of a desired angle, rad, below which a joint is held: the dither of its encoder is no ringing."""
@@ -113,7 +111,10 @@ def _series_of(contents: Contents, run: RunMapping) -> tuple[Series, list[str]]:
         uses = {column: use for column, use in uses.items() if use.signal not in taken}
         if all(use.variable == "time" for use in uses.values()):
             continue
-        _refuse_twins(table, uses)
+        for (column, use), (other, same) in combinations(uses.items(), 2):
+            if use.signal == same.signal and use.variable != "time":
+                message = f"{column!r} and {other!r} of {table.name} are both {use.variable} {use.joint}"
+                raise ConfigError(message, hint="delete the line of one of them")
         of_table, told = _of_table(table, uses, run)
         series |= of_table
         place = f"{table.name}, " if len(run.sources) > 1 else ""
@@ -134,16 +135,6 @@ def _table(contents: Contents, name: str) -> Columns:
             raise DataMissingError(f"was not read: {reason}", where=file)
     message = f"{name!r} could be several tables" if matching else f"there is no table {name!r}"
     raise ConfigError(message, hint=f"tables: {', '.join(table.name for table in contents.tables)}")
-
-
-def _refuse_twins(table: Columns, uses: dict[str, Use]) -> None:
-    """Refuse two columns of one table that are the same signal."""
-    columns: dict[tuple[str, int], str] = {}
-    for column, use in uses.items():
-        other = columns.setdefault(use.signal, column)
-        if use.variable != "time" and other != column:
-            message = f"{other!r} and {column!r} of {table.name} are both {use.variable} {use.joint}"
-            raise ConfigError(message, hint="delete the line of one of them")
 
 
 def _of_table(table: Columns, uses: dict[str, Use], run: RunMapping) -> tuple[Series, list[str]]:
@@ -232,24 +223,6 @@ def _doubts(trace: Trace) -> Iterator[str]:
             known = np.isfinite(size)
             if known.any() and size[known].mean() > _FAR * max(np.ptp(angle[known]), 1e-3):
                 yield f"{first} and {other} of joint {joint} differ by a tenth of its motion: check both"
-    for rate, angle in (("dq", "q_encoder"), ("dq_d", "q_d")):
-        if rate in trace and angle in trace:
-            yield from _doubts_about_rate(trace, rate, angle)
-
-
-def _doubts_about_rate(trace: Trace, rate: str, angle: str) -> Iterator[str]:
-    """Joints whose rate, integrated, is not how far they turn."""
-    moved = np.nanmax(trace[angle], axis=0) - np.nanmin(trace[angle], axis=0)
-    for k, joint in enumerate(trace.joint):
-        known = np.isfinite(trace[angle][:, k]) & np.isfinite(trace[rate][:, k])
-        if known.sum() < FEWEST or not moved[k] > max(_HELD, _FAR * float(np.nanmax(moved))):
-            continue
-        time, q, dq = trace.time[known], trace[angle][known, k], trace[rate][known, k]
-        turned = np.concatenate([[0.0], np.cumsum(np.diff(time) * 0.5 * (dq[1:] + dq[:-1]))])
-        (size, together), (_, of_turned) = np.cov(q, turned)
-        if together**2 < _ALIKE * size * of_turned or not _ALIKE < together / size < 1.0 / _ALIKE:
-            times = f"at best {together / size:.3g} times it"
-            yield f"{rate} of joint {joint} is not the slope of {angle}, {times}: check its unit"
 
 
 def _doubts_about_error(trace: Trace, recorded: Array) -> Iterator[str]:

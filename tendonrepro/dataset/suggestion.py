@@ -14,7 +14,7 @@ from tendonrepro.configuration.published import published
 from tendonrepro.console import without_controls
 from tendonrepro.dataset.clocks import by_clock, by_rows, even_step, is_digitised, starts_again
 from tendonrepro.dataset.guess import Guess, around_of, guesses_of, quoted, with_loads_inside
-from tendonrepro.dataset.mapping import CHECK, SCHEMA_VERSION, Use, kind_of
+from tendonrepro.dataset.mapping import CHECK, SCHEMA_VERSION, kind_of
 from tendonrepro.dataset.tables import BY_JOINT, Columns
 from tendonrepro.dataset.words import meaning_of
 
@@ -39,21 +39,23 @@ class RunGuess:
     """A run that is suggested.
 
     `columns` are its guesses, or columns that a person has to fill in, since there are no others; `extras`,
-    further keys and their text; `reading_error`, deg, by variable, if it was read off a figure; `check`, what
-    to look at beside its name.
+    further keys and their text; `check`, what to look at beside its name.
     """
 
     name: str
-    payload: float | None = None
     columns: list[Guess] = field(default_factory=list)
     extras: dict[str, str] = field(default_factory=dict)
-    reading_error: dict[str, float] = field(default_factory=dict)
     check: str = ""
+
+    @property
+    def known(self) -> list[Guess]:
+        """Its columns that are not asked."""
+        return [guess for guess in self.columns if not guess.asked]
 
     @property
     def signals(self) -> int:
         """Number of its guessed columns that are no times."""
-        return sum(not guess.asked and guess.use.variable != "time" for guess in self.columns)
+        return sum(guess.use.variable != "time" for guess in self.known)
 
     @property
     def tables(self) -> list[Columns]:
@@ -71,15 +73,16 @@ def guess_mapping(tables: Sequence[Columns], title: str) -> Suggestion:
     left: list[str] = []
     for guess in sorted(guesses, key=lambda guess: bool(guess.asked)):
         for name, payload in guess.runs.items():
-            run = runs.setdefault(name, RunGuess(name, None if guess.asked else payload))
+            run = runs.setdefault(name, RunGuess(name))
+            mass = payload or math.nan
+            if not run.columns and not math.isnan(mass) and mass != published().number("hardware.payload"):
+                run.extras["payload_mass_kg"] = f"{mass:g}"
             if why := _left_out(run, guess):
                 left.append(f"{quoted(guess.column)}: {guess.use}  # {why}")
             else:
                 run.columns.append(guess)
-    runs = {
-        name: run for name, run in runs.items() if run.signals or any(guess.asked for guess in run.columns)
-    }
-    parts = [part for run in _with_desired(runs).values() for part in _parts(run)]
+    runs = {name: run for name, run in runs.items() if run.signals or len(run.known) < len(run.columns)}
+    parts = [part for run in _with_desired(runs) for part in _parts(run)]
     left = list(dict.fromkeys(left))
     # YAML takes control characters nowhere, not even in the comments that quote a column's name.
     text = without_controls("\n".join(_written(parts, left, title)) + "\n")
@@ -103,36 +106,29 @@ def _left_out(run: RunGuess, guess: Guess) -> str:
     return f"taken from {twin.column}"
 
 
-def _with_desired(runs: dict[str, RunGuess]) -> dict[str, RunGuess]:
-    """Give desired angles that lie apart and name no controller to the runs of controllers that lack them."""
-    variables = {
-        name: {guess.use.variable for guess in run.columns if not guess.asked} for name, run in runs.items()
-    }
-    named = {name: run for name, run in runs.items() if name.startswith("controller_")}
-    apart = {
-        name: run
-        for name, run in runs.items()
-        if name not in named and variables[name] == {"time", "q_d"} and run.signals
-    }
-    lacking = [run for name, run in named.items() if "q_d" not in variables[name]]
-    if not apart or (named and not lacking) or (not named and len(apart) < 2):
-        return runs
-    columns = [guess for run in apart.values() for guess in run.columns]
+def _with_desired(runs: Mapping[str, RunGuess]) -> list[RunGuess]:
+    """Runs, where desired angles that lie apart and name no controller are given to controllers without."""
+    variables = {name: {guess.use.variable for guess in run.known} for name, run in runs.items()}
+    named = [name for name in runs if name.startswith("controller_")]
+    apart = [run for name, run in runs.items() if name not in named and variables[name] == {"time", "q_d"}]
+    lacking = [runs[name] for name in named if "q_d" not in variables[name]]
+    if not named and len(apart) > 1:
+        lacking = [RunGuess("desired")]
+    columns = [guess for run in apart for guess in run.columns]
     signals = [guess.use.signal for guess in columns if guess.use.joint]
-    if len({*signals}) < len(signals):
-        return runs
-    named = named or {"desired": RunGuess("desired")}
-    for run in lacking or named.values():
+    if not apart or not lacking or len({*signals}) < len(signals):
+        return [*runs.values()]
+    for run in lacking:
         run.columns += columns
-        run.check = f"desired angles from {', '.join(apart)}"
-    return named | {name: run for name, run in runs.items() if name not in apart and name not in named}
+        run.check = f"desired angles from {', '.join(other.name for other in apart)}"
+    return lacking + [run for run in runs.values() if run not in lacking + apart]
 
 
 def _parts(run: RunGuess) -> Iterator[RunGuess]:
     """Runs below each other in one table, where its time starts again; else the run, and what it needs."""
-    tables = {id(guess.table): guess.table for guess in run.columns if not guess.asked}
-    for table in tables.values():
-        uses = {guess.column: guess.use for guess in run.columns if guess.table is table and not guess.asked}
+    errors: dict[str, float] = {}
+    for table in list({id(guess.table): guess.table for guess in run.known}.values()):
+        uses = {guess.column: guess.use for guess in run.known if guess.table is table}
         by_time = by_clock(table, uses)
         for clock, columns in by_time.items():
             if clock is None:
@@ -142,45 +138,39 @@ def _parts(run: RunGuess) -> Iterator[RunGuess]:
             (rows, _), *_ = by_rows(table, columns)
             time = uses[clock].to_si * table[clock][rows]
             if is_digitised(time) or len(by_time) > 2:
-                _ask_reading_error(run, table, {column: uses[column] for column in columns})
+                for column in columns:
+                    use, values = uses[column], table[column]
+                    if kind_of(use.variable) == "angle":
+                        size = math.degrees(use.to_si) * float(np.ptp(values[np.isfinite(values)]))
+                        errors[use.variable] = max(errors.get(use.variable, 0.0), _READING_ERROR * size)
             elif step := even_step(time):
-                check = (
+                said = (
                     "the times repeat, so they are rounded; this makes them from the numbers of the samples"
                 )
-                run.extras["step_s"] = f"{step:.6g}  {CHECK} {check}"
-            elif len(tables) == len(by_time) == 1 and (again := len(starts_again(time))):
+                run.extras["step_s"] = f"{step:.6g}  {CHECK} {said}"
+            elif len(run.tables) == len(by_time) == 1 and (again := len(starts_again(time))):
                 for part in range(1, again + 2):
-                    extras = run.extras | {"part": str(part)}
                     check = f"the time starts again: stretch {part} of {again + 1}"
+                    extras = run.extras | {"part": str(part)}
                     yield replace(run, name=f"{run.name}_{part}", extras=extras, check=check)
                 return
+    if errors:
+        told = ", ".join(f"{name}: {error:.2g}" for name, error in errors.items())
+        said = "its times are uneven, so it was read off a figure, to half a percent of each curve's range"
+        run.extras["reading_error_deg"] = f"{{{told}}}  {CHECK} {said}; else delete this line"
     yield run
-
-
-def _ask_reading_error(run: RunGuess, table: Columns, uses: Mapping[str, Use]) -> None:
-    """Take a run for read off a figure, with an error by the range of its curves."""
-    for column, use in uses.items():
-        if kind_of(use.variable) == "angle":
-            values = table[column]
-            size = float(np.ptp(values[np.isfinite(values)]))
-            error = math.degrees(use.to_si) * _READING_ERROR * size
-            run.reading_error[use.variable] = max(run.reading_error.get(use.variable, 0.0), error)
 
 
 def _written(runs: Sequence[RunGuess], left: Sequence[str], title: str) -> Iterator[str]:
     """Lines of a mapping; those of `left` are comments."""
     shared: Lines = {}
-    apart: dict[str, Lines] = {}
     sharing: list[RunGuess] = []
     for run in runs:
-        own = _lines_of(run)
         # What is shared is taken from every table that holds it.
-        together = own | shared
-        if all(_matching(together, other) == _uses(_lines_of(other)) for other in (*sharing, run)):
+        together = _lines_of(run) | shared
+        if all(_taken(together, other) == _taken(_lines_of(other), other) for other in (*sharing, run)):
             shared = together
             sharing.append(run)
-        else:
-            apart[run.name] = own
     yield f"schema_version: {SCHEMA_VERSION}"
     yield f"title: {quoted(title)}"
     if shared:
@@ -188,7 +178,18 @@ def _written(runs: Sequence[RunGuess], left: Sequence[str], title: str) -> Itera
         yield from _column_lines(shared, "  ")
     yield "runs:" if runs else "runs: {}  # FILL IN: no column was known; write controller_1 and its file"
     for run in runs:
-        yield from _run_lines(run, apart.get(run.name))
+        names = [quoted(table.name) for table in run.tables]
+        sources = names[0] if len(names) == 1 else f"[{', '.join(names)}]"
+        check = _check_of_run(run)
+        mark = f"  {CHECK} {check}" if check else ""
+        inner = [f"    {key}: {text}" for key, text in run.extras.items()]
+        if run not in sharing:
+            inner += ["    columns:", *_column_lines(_lines_of(run), "      ")]
+        yield from (
+            [f"  {run.name}:{mark}", f"    sources: {sources}", *inner]
+            if inner
+            else [f"  {run.name}: {sources}{mark}"]
+        )
     if left:
         yield "# Left out, and why. To use a column, move its line under columns."
         yield from (f"#   {line}" for line in left)
@@ -198,44 +199,16 @@ def _lines_of(run: RunGuess) -> Lines:
     """Columns of a run, with the table where two share a column's name."""
     lines: Lines = {}
     for guess in run.columns:
-        others = (other for other in run.columns if other.column == guess.column and not other.asked)
+        others = (other for other in run.known if other.column == guess.column)
         is_shared = not guess.asked and any(other.use != guess.use for other in others)
         lines.setdefault(f"{guess.table.last}:{guess.column}" if is_shared else guess.column, guess)
     return lines
 
 
-def _uses(lines: Lines) -> dict[str, str]:
-    return {name: str(guess.use) for name, guess in lines.items()}
-
-
-def _matching(lines: Lines, run: RunGuess) -> dict[str, str]:
-    """Lines that a run would take, from any of its tables."""
+def _taken(lines: Lines, run: RunGuess) -> dict[str, str]:
+    """What a run would take by lines, from any of its tables."""
     names = {name for table in run.tables for name in table.named(lines)}
-    return {name: use for name, use in _uses(lines).items() if name in names}
-
-
-def _run_lines(run: RunGuess, columns: Lines | None) -> Iterator[str]:
-    names = [quoted(table.name) for table in run.tables]
-    sources = names[0] if len(names) == 1 else f"[{', '.join(names)}]"
-    check = _check_of_run(run)
-    mark = f"  {CHECK} {check}" if check else ""
-    mass = run.payload or math.nan
-    is_usual = math.isnan(mass) or mass == published().number("hardware.payload")
-    if columns is None and is_usual and not run.extras and not run.reading_error:
-        yield f"  {run.name}: {sources}{mark}"
-        return
-    yield f"  {run.name}:{mark}"
-    yield f"    sources: {sources}"
-    if not is_usual:
-        yield f"    payload_mass_kg: {mass:g}"
-    yield from (f"    {key}: {text}" for key, text in run.extras.items())
-    if run.reading_error:
-        errors = ", ".join(f"{name}: {error:.2g}" for name, error in run.reading_error.items())
-        said = "its times are uneven, so it was read off a figure, to half a percent of each curve's range"
-        yield f"    reading_error_deg: {{{errors}}}  {CHECK} {said}; else delete this line"
-    if columns is not None:
-        yield "    columns:"
-        yield from _column_lines(columns, "      ")
+    return {name: str(guess.use) for name, guess in lines.items() if name in names}
 
 
 def _check_of_run(run: RunGuess) -> str:
@@ -245,8 +218,7 @@ def _check_of_run(run: RunGuess) -> str:
     else:
         telling = [meaning_of(part, around=True) for part in around_of(run.tables[0].name)]
         unknown = [word for meaning in telling if meaning.controller for word in meaning.unknown]
-        if unknown:
-            checks.append(f"not known: {', '.join(unknown)}; taken as {run.name}, else rename it")
+        checks += [f"not known: {', '.join(unknown)}; taken as {run.name}, else rename it"] if unknown else []
     return "; ".join(checks)
 
 

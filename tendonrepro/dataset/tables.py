@@ -139,10 +139,8 @@ def _numbers(
     marked = text[numbers.isna() & ~is_gap & text.str.contains(r"\d", regex=True)]
     mark = _decimal_mark(marked, text[numbers.notna()])
     if mark is None:
-        columns.notes.append(
-            f"column {name!r}: unclear in {len(marked)} cells whether a comma is decimal or between "
-            f"thousands, as {marked.iloc[0]!r}: write them without commas"
-        )
+        said = "unclear whether a comma is decimal or between thousands: write them without commas"
+        columns.notes.append(f"column {name!r}: {len(marked)} cells, as {marked.iloc[0]!r}, {said}")
     elif not marked.empty:
         numbers = numbers.fillna(_by_mark(marked, mark).reindex(numbers.index))
     failing = numbers.isna() & ~is_gap
@@ -150,17 +148,12 @@ def _numbers(
         return None
     thousands = marked[marked.str.contains(",", regex=False) & ~failing[marked.index]]
     if mark == "." and len(thousands):
-        count, example = len(thousands), thousands.iloc[0]
-        columns.notes.append(
-            f"column {name!r}: {count} numbers have a comma between thousands, as {example!r}"
-        )
+        said = f"{len(thousands)} numbers have a comma between thousands, as {thousands.iloc[0]!r}"
+        columns.notes.append(f"column {name!r}: {said}")
     if failing.any():
         place = int(np.argmax(column.index == failing.idxmax())) + first_row
-        example = str(cells[failing].iloc[0])[:40]
-        columns.notes.append(
-            f"column {name!r}: {int(failing.sum())} of {len(column)} cells are no numbers and left as gaps, "
-            f"the first {example!r} in row {place}"
-        )
+        said = f"no numbers and left as gaps, the first {str(cells[failing].iloc[0])[:40]!r} in row {place}"
+        columns.notes.append(f"column {name!r}: {int(failing.sum())} of {len(column)} cells are {said}")
     return numbers
 
 
@@ -332,25 +325,19 @@ def _groups(row: Sequence[str], names: Sequence[str]) -> list[str]:
     return pd.Series(row).replace("", None).ffill().fillna("").tolist()
 
 
-def with_one_time(columns: Columns) -> Columns:
-    """The table with one column of times in place of ROS's seconds and nanoseconds."""
-    pairs: dict[str, tuple[str, str]] = {}
-    for name in columns:
-        if match := _NANOSECONDS.fullmatch(name):
-            seconds = re.compile(rf"{re.escape(match[1])}[ ._]*secs?", re.IGNORECASE)
-            pairs |= {other: (name, match[1]) for other in columns if seconds.fullmatch(other)}
-    if not pairs:
-        return columns
-    merged = Columns()
-    merged.notes, merged.angle_unit = columns.notes, columns.angle_unit
-    parts = {nanoseconds for nanoseconds, _ in pairs.values()}
-    for name, values in columns.items():
-        if name in pairs:
-            nanoseconds, said = pairs[name]
-            merged.add(f"{said} time".strip(), values + 1e-9 * columns[nanoseconds], "s")
-        elif name not in parts:
-            merged.add(name, values)
-    return merged
+def with_one_time(columns: Columns) -> None:
+    """Put one column of times in place of ROS's seconds and nanoseconds."""
+    for match in filter(None, map(_NANOSECONDS.fullmatch, [*columns])):
+        stem = match[1]
+        seconds = re.compile(rf"{re.escape(stem)}[ ._]*secs?", re.IGNORECASE)
+        if name := next(filter(seconds.fullmatch, columns), None):
+            below = 1e-9 * columns.pop(match[0])
+            named = [
+                (f"{stem} time (s)".strip(), values + below) if key == name else (key, values)
+                for key, values in columns.items()
+            ]
+            columns.clear()
+            columns.update(named)
 
 
 def by_joint(columns: Columns) -> Columns | None:
@@ -366,7 +353,7 @@ def by_joint(columns: Columns) -> Columns | None:
         return None
     wide = Columns()
     wide.angle_unit = columns.angle_unit
-    clocks: list[Column] = []
+    clock = np.empty(0)
     for joint in dict.fromkeys(of_row.tolist()):
         rows = of_row == joint
         said = joint if isinstance(joint, str) else f"joint {joint:g}"
@@ -378,7 +365,7 @@ def by_joint(columns: Columns) -> Columns | None:
             column[: rows.sum()] = values[rows]
             if name != times[0]:
                 wide.add(f"{said} {name}", column)
-            elif not any(np.array_equal(column, clock, equal_nan=True) for clock in clocks):
-                clocks.append(column)
+            elif not np.array_equal(column, clock, equal_nan=True):
+                clock = column
                 wide.add(name, column)
     return wide

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 import re
 import warnings
 from collections.abc import Iterator, Sequence
@@ -25,10 +24,10 @@ from tendonrepro.dataset.tables import (
 )
 
 COMMENTS = ("#", "%", "//")
-_HEAD, _TAIL = 2**20, 2**16
-"""Characters at the beginning, and bytes at the end, that tell how a file is written."""
+_HEAD = 2**20
+"""Characters at the beginning that tell how a file is written."""
 _SAMPLED = 60
-"""Lines at the end that do."""
+"""Last lines of them that tell the separator."""
 _MOST_BREAKS = 8
 """Lines over which a quoted name may go."""
 _OPENS = re.compile(r'(?:^|[\t;,|])\s*"')
@@ -97,12 +96,18 @@ def layout_of(path: Path) -> Layout:
         If there is no table of numbers.
     """
     encoding, is_damaged = encoding_of(path)
-    lines, last = _lines(path, encoding)
-    separator, comma = _spelling(last)
-    written = {place: line for place, line in _whole(lines) if line.strip() and not _is_hint(line)}
+    with path.open(encoding=encoding, errors="replace") as stream:
+        lines = stream.read(_HEAD).split("\n")
+        # What is cut off in mid-line tells nothing.
+        lines = lines[:-1] if stream.read(1) else lines
+    last = [line for line in lines[-2 * _SAMPLED :] if line.strip() and not line.startswith(COMMENTS)]
+    separator, comma = _spelling(last[-_SAMPLED:])
+    # Excel names the separator in a line of its own.
+    is_hint = re.compile("sep=", re.IGNORECASE).match
+    written = {place: line for place, line in _whole(lines) if line.strip() and not is_hint(line)}
     filled = [place for place, line in written.items() if not line.startswith(COMMENTS)]
     rows = [split(written[place], separator) for place in filled]
-    first = first_numbers(rows, [split(line, separator) for line in last])
+    first = first_numbers(rows, [split(line, separator) for line in last[-_SAMPLED:]])
     if first is None:
         raise Unreadable("a text without a table of numbers")
     above = [line for place, line in written.items() if place < filled[first]]
@@ -122,20 +127,6 @@ def _whole(lines: Sequence[str]) -> Iterator[tuple[int, str]]:
             end = next(closing, place) + 1
         yield place, " ".join(line.strip() for line in lines[place:end]) if end > place + 1 else lines[place]
         place = end
-
-
-def _lines(path: Path, encoding: str) -> tuple[list[str], list[str]]:
-    """Lines at the beginning, as many as may be a header, and the last ones that may hold numbers."""
-    with path.open(encoding=encoding, errors="replace") as stream:
-        text = stream.read(_HEAD)
-    lines = tail = text.split("\n")
-    if len(text) == _HEAD:
-        # What is cut off in mid-line tells nothing.
-        lines = lines[:-1]
-        if not encoding.startswith("utf-16"):
-            tail = _last_lines(path, encoding)
-    last = [line for line in tail[-2 * _SAMPLED :] if line.strip() and not line.startswith(COMMENTS)]
-    return lines, last[-_SAMPLED:]
 
 
 def encoding_of(path: Path) -> tuple[str, bool]:
@@ -173,17 +164,6 @@ def _is_chinese(content: bytes) -> bool:
     common = re.findall(rb"[\xa1-\xa3\xb0-\xd7][\xa1-\xfe]", content)
     words = re.findall(rb"(?:[\xb0-\xd7][\xa1-\xfe]){2,}", content)
     return bool(words) and 2 * len(common) > 0.5 * beyond
-
-
-def _last_lines(path: Path, encoding: str) -> list[str]:
-    with path.open("rb") as stream:
-        stream.seek(-min(_TAIL, path.stat().st_size), io.SEEK_END)
-        return re.split(r"\r\n|\r|\n", stream.read().decode(encoding, errors="replace"))[1:]
-
-
-def _is_hint(line: str) -> bool:
-    """Excel's own line that names the separator."""
-    return line.casefold().startswith("sep=")
 
 
 def _spelling(lines: Sequence[str]) -> tuple[str | None, bool]:
@@ -226,14 +206,8 @@ def _rows_without_numbers(frame: pd.DataFrame, texts: pd.DataFrame) -> pd.Series
 
 def _note_on(rows: pd.DataFrame) -> list[str]:
     """What is left out with rows of words; nothing of blank remarks."""
-    if rows.empty:
-        return []
-    example = next((cell for cell in rows.to_numpy().ravel() if cell), "")[:40]
-    is_remark = all(str(cell).startswith(COMMENTS) for cell in rows.iloc[:, 0])
-    if is_remark and not example:
-        return []
-    what = "remarks" if is_remark else "rows without a number"
-    return [f"{len(rows)} {what} left out, the first {example!r}"]
+    words = [cell for cell in rows.to_numpy().ravel() if cell.strip("#%/ ")]
+    return [f"{len(rows)} rows without a number left out, the first {words[0][:40]!r}"] if words else []
 
 
 def _read(path: Path, layout: Layout, **chosen: Any) -> tuple[pd.DataFrame, list[int]]:

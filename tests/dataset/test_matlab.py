@@ -217,20 +217,6 @@ def test_one_broken_variable_does_not_stop_the_rest(tmp_path, monkeypatch):
     assert list(found[""]) == ["b[1]", "b[2]"]
 
 
-def test_a_variable_that_holds_itself_is_named_in_plain_words(tmp_path, monkeypatch):
-    matio = pytest.importorskip("matio")
-    whole = matio.load_from_mat
-
-    def failing(path, *, variable_names, **options):
-        if "a" in variable_names:
-            raise RecursionError
-        return whole(path, variable_names=variable_names, **options)
-
-    monkeypatch.setattr(matio, "load_from_mat", failing)
-    reasons = read_matlab(WRITERS["7"](tmp_path / "SYNTHETIC.mat", {"a": WAVES, "b": WAVES})).left_out
-    assert [reason for reason in reasons if reason.startswith("a:") and "Recursion" not in reason]
-
-
 @pytest.mark.parametrize("data", [b"", b"this is no MATLAB file" * 10, b"\x89HDF\r\n\x1a\n"])
 def test_other_files_are_refused(tmp_path, data):
     path = tmp_path / "SYNTHETIC.mat"

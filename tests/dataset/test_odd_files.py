@@ -290,35 +290,11 @@ def test_angles_in_radians_beside_rates_and_a_status(tmp_path, status):
     assert all("CHECK" in line for line in mapping.splitlines() if "qd_2" in line)
 
 
-SHAKE = 60.0 * np.sin(6.0 * np.pi * T)
-"""Of the size of the motion, and nothing like it, deg."""
-
-
-@pytest.mark.parametrize(
-    ("factor", "shake", "doubts"),
-    [(1.0, 0.0, 0), (57.3, 0.0, 1), (-1.0, 0.0, 1), (0.0, 0.0, 1), (1.0, 1.0, 1)],
-)
-def test_a_rate_that_is_no_slope_is_told(tmp_path, factor, shake, doubts):
-    rate = factor * np.gradient(ACTUAL[2], 0.01) + shake * np.gradient(SHAKE, 0.01)
-    rows = np.column_stack([NUMBERS[:, :3], rate])
-    found, _, _ = ingested(tmp_path, ".csv", ",".join(NAMES[:3]) + ",dq2 (deg/s)\n" + lines(rows))
-    assert len(found["doubts"]) == doubts
-
-
 def test_a_rate_of_what_was_measured_needs_nothing_beside_it(tmp_path):
     rows = np.column_stack([NUMBERS[:, [0, 2]], np.gradient(ACTUAL[2], 0.01)])
     _, runs, mapping = ingested(tmp_path, ".csv", "t,actual_q_2,actual_qd_2\n" + lines(rows))
     assert set(runs["controller_1"].variables) == {"q_encoder", "dq"}
     assert "CHECK" in next(line for line in mapping.splitlines() if "actual_qd_2" in line)
-
-
-def test_a_joint_at_rest_has_no_rate_to_doubt(tmp_path):
-    """Noise of its tachometer, summed up, is not how far it turned."""
-    noise = np.random.default_rng(5).normal(0.2, 1.0, 400)
-    rows = np.column_stack([NUMBERS[:, :3], 0.02 * np.sign(noise), noise])
-    head = ",".join(NAMES[:3]) + ",q3 (deg),dq3 (deg/s)\n"
-    found, _, _ = ingested(tmp_path, ".csv", head + lines(rows))
-    assert found["doubts"] == []
 
 
 LOADED = {
@@ -365,17 +341,6 @@ def test_where_nothing_is_known_one_sentence_says_so(tmp_path):
     said = f"{caught.value}"
     assert "m.yaml:5" in said
     assert said.count("channel") == 3
-    examples = [line.strip() for line in said.splitlines() if "channel" in line]
-    found, _, _ = ingested(
-        tmp_path,
-        ".csv",
-        content,
-        lambda _: (
-            "\n  ".join(["columns:", "time (s): time s", *examples, ""])
-            + "\nruns: {controller_1: SYNTHETIC_c1.csv}\n"
-        ),
-    )
-    assert found["runs"]["controller_1"]["joints"] == [2]
 
 
 def test_a_name_does_not_speak_to_the_terminal(tmp_path):
