@@ -23,4 +23,4 @@ def explain(
     from tendonrepro.configuration.load import load_config
 
     loaded = load_config(config, "compare", overrides=set, seed=seed, controllers=controllers)
-    return Study(loaded, lambda site: explain_result(loaded, site), folder)
+    return Study(loaded, lambda _: explain_result(loaded), folder)

@@ -1,4 +1,4 @@
-"""How far the sampled loop is from its limit of stability, in gain and lag and in the tendons' properties.
+"""How far the sampled loop is from its limit of stability, in gain and lag.
 
 For a margin the loop is cut between controller and plant: the plant feels another torque than the law
 believes to have applied. With the other joints' loops closed, one channel ``G`` is left. It is on its limit
@@ -7,23 +7,13 @@ where ``factor · G(z) = 1`` on the unit circle, for a real gain or a lag ``exp(
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.experiments.loops import View
-from tendonrepro.physics.dynamics import Plant
-from tendonrepro.physics.linear_loop import (
-    Complex,
-    closed,
-    hold_discretised,
-    law_matrices,
-    plant_matrices,
-    spectral_radius,
-)
+from tendonrepro.physics.linear_loop import Complex, spectral_radius
 
 Cut = tuple[Array, Array, Array]
 """``A``, ``B``, ``C`` of :func:`tendonrepro.physics.linear_loop.open_loop`."""
@@ -38,23 +28,18 @@ _ZOOMS = 40
 # A factor this much beyond a crossing must make the loop grow; else the mode only touched the circle.
 _BEYOND = 1e-4
 
-MAP_POINTS = 25
-_HALVINGS = 10
-
 
 class ChannelMargins(NamedTuple):
     """Margins of one joint's torque with the other loops closed; NaN where there is none or the loop grows.
 
-    The gain margins are the smallest factor above 1 and the largest below 1 that make the loop grow. The
-    phase margin is the smallest lag or lead that does, the delay margin the shortest extra delay unknown to
-    the law. `loop_gain` is ``|G|`` at `LOW_FREQUENCY`.
+    The gain margin is the smallest factor above 1 that makes the loop grow. The phase margin is the smallest
+    lag or lead that does, the delay margin the shortest extra delay unknown to the law. `loop_gain` is
+    ``|G|`` at `LOW_FREQUENCY`.
     """
 
     stable: bool = False
     gain_margin: float = np.nan
     gain_margin_hz: float = np.nan
-    gain_reduction_margin: float = np.nan
-    gain_reduction_margin_hz: float = np.nan
     phase_margin_deg: float = np.nan
     crossover_hz: float = np.nan
     delay_margin_s: float = np.nan
@@ -102,8 +87,7 @@ def channel_margins(cut: Cut, joint: int, L: float) -> ChannelMargins:
     def at(where: Array) -> Complex:
         return response(single, where)[:, 0, 0]
 
-    factors, places = _gain_crossings(at, angles)
-    up, down = (_first_loss(single, factors, places, above=above) for above in (True, False))
+    factor, place = _first_loss(single, *_gain_crossings(at, angles))
     unity = _crossings(lambda x: np.abs(at(x)) - 1.0, angles)
     lags = np.mod(np.angle(at(unity)), 2.0 * np.pi)
     turns = np.minimum(lags, 2.0 * np.pi - lags)
@@ -112,10 +96,8 @@ def channel_margins(cut: Cut, joint: int, L: float) -> ChannelMargins:
     delay = (lags / unity).min() * L if unity.size else np.nan
     return ChannelMargins(
         stable=True,
-        gain_margin=up[0],
-        gain_margin_hz=hertz * up[1],
-        gain_reduction_margin=down[0],
-        gain_reduction_margin_hz=hertz * down[1],
+        gain_margin=factor,
+        gain_margin_hz=hertz * place,
         phase_margin_deg=float(np.rad2deg(phase)),
         crossover_hz=float(hertz * crossover),
         delay_margin_s=float(delay),
@@ -150,15 +132,13 @@ def _gain_crossings(at: Callable[[Array], Complex], angles: Array) -> tuple[Arra
     return 1.0 / real[crosses], places[crosses]
 
 
-def _first_loss(single: Cut, factors: Array, places: Array, *, above: bool) -> tuple[float, float]:
-    """Nearest factor on one side of 1 beyond which the loop grows, and the angle of its mode."""
+def _first_loss(single: Cut, factors: Array, places: Array) -> tuple[float, float]:
+    """Smallest factor above 1 beyond which the loop grows, and the angle of its mode."""
     A, b, c = single
-    side = factors > 1.0 if above else factors < 1.0
-    order = np.argsort(np.abs(np.log(factors[side])))
-    for factor, place in zip(factors[side][order], places[side][order], strict=True):
-        beyond = factor * (1.0 + _BEYOND if above else 1.0 - _BEYOND)
-        if spectral_radius(A + beyond * b @ c) > 1.0:
-            return float(factor), float(place)
+    for k in np.argsort(factors):
+        beyond = factors[k] * (1.0 + _BEYOND)
+        if factors[k] > 1.0 and spectral_radius(A + beyond * b @ c) > 1.0:
+            return float(factors[k]), float(places[k])
     return np.nan, np.nan
 
 
@@ -203,66 +183,3 @@ def scaled_norm(M: Complex) -> Array:
         M[:, i, :] *= d[:, np.newaxis]
         M[:, :, i] /= d[:, np.newaxis]
     return np.asarray(np.linalg.norm(M, 2, axis=(-2, -1)))
-
-
-@dataclass(frozen=True)
-class TendonMap:
-    """Distance (F, F) of every run from its border, in the logarithm of the damping, positive if stable.
-
-    `factors` (F,) are on stiffness, across, and on damping.
-    """
-
-    factors: Array
-    distance: Mapping[str, Array]
-
-
-def tendon_factors() -> Array:
-    """Factors (F,) on stiffness and on damping at which the map of tendons is drawn."""
-    return np.geomspace(0.1, 10.0, MAP_POINTS)
-
-
-def border_of_run(view: View, postures: Array | Sequence[Array], factors: Array) -> Array:
-    """Distance (F, F) of a run from its border, stable where it is at all postures."""
-    return border_distance(lambda K_s, D_s: decays(view, postures, K_s, D_s), factors, factors)
-
-
-def with_tendons(plant: Plant, stiffness: float, damping: float) -> Plant:
-    """Multiply stiffness and damping of all tendons."""
-    drive = plant.drive
-    return plant._replace(
-        drive=drive._replace(stiffness=stiffness * drive.stiffness, damping=damping * drive.damping)
-    )
-
-
-def decays(view: View, postures: Array | Sequence[Array], stiffness: Array, damping: Array) -> Array:
-    """Slowest decay over several postures, s⁻¹, for factors on stiffness and damping, all (N,)."""
-    law = view.law
-    plants = [with_tendons(view.plant, K_s, D_s) for K_s, D_s in zip(stiffness, damping, strict=True)]
-    output, memory = law_matrices(law, view.delay)
-    radius = np.zeros(1)
-    for q in postures:
-        discretised = [hold_discretised(*plant_matrices(q, plant), law.L) for plant in plants]
-        Phi, Gamma = (np.stack(parts) for parts in zip(*discretised, strict=True))
-        radius = np.maximum(radius, spectral_radius(closed(Phi, Gamma, output, memory)))
-    return np.asarray(-np.log(radius) / law.L)
-
-
-def border_distance(decay: Callable[[Array, Array], Array], across: Array, along: Array) -> Array:
-    """Signed distance (Y, X) from the border of stability, positive inside, in the logarithm of `along`.
-
-    The decay itself draws no border: slow modes make it flat and ringing steep. The border is found by
-    halving on every line. The distance is at most the length of the range.
-    """
-    height = np.log(along)
-    grid = np.meshgrid(across, along)
-    stable = decay(*(part.ravel() for part in grid)).reshape(grid[0].shape) > 0.0
-    distance = np.full(stable.shape, height[-1] - height[0])
-    row, column = np.nonzero(stable[:-1] != stable[1:])
-    low, high, below = height[row], height[row + 1], stable[row, column]
-    for _ in range(_HALVINGS if row.size else 0):
-        middle = 0.5 * (low + high)
-        same = (decay(across[column], np.exp(middle)) > 0.0) == below
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
-    for place, border in zip(column, 0.5 * (low + high), strict=True):
-        distance[:, place] = np.minimum(distance[:, place], np.abs(height - border))
-    return np.where(stable, distance, -distance)

@@ -142,7 +142,7 @@ def load_grid(
         inputs=tuple(dict.fromkeys(path for point in points for path in point.loaded.inputs)),
         # Of a key that is read at one point, the sweep shows what it does.
         remarks=tuple(
-            words for words in base.remarks if all(words in point.loaded.remarks for point in points)
+            told for told in points[0].loaded.remarks if all(told in point.loaded.remarks for point in points)
         ),
     )
     n = len(points[0].loaded.config.joints)

@@ -24,8 +24,6 @@ CASES = [
     ("controller_2", 0.2, 2, False),
 ]
 APPLIED = "control.readings.stored_torque=applied"
-every_case = pytest.mark.parametrize("case", CASES)
-both_joints = pytest.mark.parametrize("joint", [0, 1])
 
 
 @cache
@@ -44,35 +42,23 @@ def radius(single, factor):
     return spectral_radius(A + factor * b @ c)
 
 
-@every_case
-@both_joints
-class TestChannelMargins:
-    def test_loop_is_lost_at_the_gain_margin_and_not_before(self, case, joint):
-        single, found = channel(cut(*case), joint), channel_margins(cut(*case), joint, L)
-        A, b, c = single
-        assert found.stable
-        for margin, hertz, end in (
-            (found.gain_margin, found.gain_margin_hz, 300.0),
-            (found.gain_reduction_margin, found.gain_reduction_margin_hz, 1e-5),
-        ):
-            limit = end if np.isnan(margin) else 1.0 + (margin - 1.0) * (1.0 - 1e-3)
-            for factor in np.geomspace(1.0, limit, 60):
-                assert radius(single, factor) < 1.0
-            if not np.isnan(margin):
-                assert radius(single, 1.0 + (margin - 1.0) * (1.0 + 1e-3)) > 1.0
-                z = np.linalg.eigvals(A + margin * b @ c)
-                assert np.abs(z - np.exp(2j * np.pi * hertz * L)).min() < 1e-6
-
-    def test_loop_is_lost_at_the_phase_margin_and_not_before(self, case, joint):
-        single, found = channel(cut(*case), joint), channel_margins(cut(*case), joint, L)
-        lag = np.deg2rad(found.phase_margin_deg)
-        G = response(single, 2.0 * np.pi * L * np.array([found.crossover_hz]))
-        assert np.abs(G) == pytest.approx(1.0, rel=1e-8)
-        for sign in (1.0, -1.0):
-            for phase in np.linspace(0.0, lag * (1.0 - 1e-3), 40):
-                assert radius(single, np.exp(sign * 1j * phase)) < 1.0
-        beyond = lag * (1.0 + 1e-3)
-        assert max(radius(single, np.exp(sign * 1j * beyond)) for sign in (1.0, -1.0)) > 1.0
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("joint", [0, 1])
+def test_loop_is_lost_at_its_margins_and_not_before(case, joint):
+    """Each margin is of a gain, or of a lag or lead."""
+    single, found = channel(cut(*case), joint), channel_margins(cut(*case), joint, L)
+    A, b, c = single
+    gain, lag = found.gain_margin, np.deg2rad(found.phase_margin_deg)
+    assert max(radius(single, x) for x in np.geomspace(1.0, 1.0 + 0.999 * (gain - 1.0), 60)) < 1.0
+    assert radius(single, 1.0 + 1.001 * (gain - 1.0)) > 1.0
+    z = np.linalg.eigvals(A + gain * b @ c)
+    assert np.abs(z - np.exp(2j * np.pi * found.gain_margin_hz * L)).min() < 1e-6
+    both = np.array([1.0j, -1.0j])
+    inside = np.exp(np.outer(np.linspace(0.0, 0.999 * lag, 40), both)).ravel()
+    assert max(radius(single, factor) for factor in inside) < 1.0
+    assert max(radius(single, factor) for factor in np.exp(1.001 * lag * both)) > 1.0
+    G = response(single, 2.0 * np.pi * L * np.array([found.crossover_hz]))
+    assert np.abs(G) == pytest.approx(1.0, rel=1e-8)
 
 
 class TestKnownLoop:
@@ -85,7 +71,6 @@ class TestKnownLoop:
         crossover = 2.0 * np.arcsin(0.5 * k)
         assert found.gain_margin == pytest.approx(2.0 / k, rel=1e-9)
         assert found.gain_margin_hz == pytest.approx(500.0)
-        assert np.isnan(found.gain_reduction_margin)
         lag = 0.5 * np.pi - 0.5 * crossover
         assert found.phase_margin_deg == pytest.approx(np.rad2deg(lag), rel=1e-8)
         assert found.delay_margin_s == pytest.approx(lag / crossover * L, rel=1e-8)
@@ -98,9 +83,7 @@ class TestKnownLoop:
         loop = np.eye(1), np.eye(1), np.array([[-2.1]])
         found = channel_margins(loop, 0, L)
         assert not found.stable
-        assert np.isnan(
-            [found.gain_margin, found.gain_reduction_margin, found.phase_margin_deg, found.delay_margin_s]
-        ).all()
+        assert np.isnan([found.gain_margin, found.phase_margin_deg, found.delay_margin_s]).all()
         assert np.isnan(disk_margin(loop, L)).all()
 
 
@@ -152,9 +135,6 @@ class TestDiskMargin:
         bound = scaled_norm(M)
         assert np.all(bound >= turned * (1.0 - 1e-9))
         assert np.all(bound <= np.linalg.norm(M, 2, axis=(1, 2)) * 1.05)
-
-    def test_one_joint_needs_no_scaling(self):
-        np.testing.assert_allclose(scaled_norm(np.array([[[3.0 + 4.0j]]])), 5.0)
 
 
 class TestSlowError:
