@@ -11,6 +11,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import LoadedConfig, load_config
+from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.strict_yaml import Tree, dump, section
@@ -26,7 +27,7 @@ from tendonrepro.physics.metrics import mean, start_level
 from tendonrepro.results.paper import is_arm_of_paper, of_paper
 from tendonrepro.results.records import READ_OFF, PlantRecord, PlantValue, Trace, TraceFile, median_step
 from tendonrepro.results.store import make_manifest
-from tendonrepro.results.summary import CONTROLLERS, LOADS, Sizes, decoupling_errors, sizes_deg
+from tendonrepro.results.summary import Sizes, decoupling_errors, sizes_deg
 from tendonrepro.results.tables import TableRows
 from tendonrepro.results.traces import write_traces
 from tendonrepro.studies.study import Site
@@ -192,8 +193,8 @@ def reruns(
                 followed = {run: zero for run, zero in zeros.items() if not apart.get(run)}
                 runs |= simulated(folder / f"{experiment}.yaml", followed, measurement.file, talk)
             except TendonreproError as error:
-                hint = f"; {error.hint}" if error.hint else ""
-                missing.append(f"a rerun of {experiment}: {error.message}{hint}")
+                told = str(error).replace("\n", "; ")
+                missing.append(f"a rerun of {experiment}: {told}")
     for run, size in apart.items():
         if reference and size:
             other = f"{np.rad2deg(size):.3g} deg from that of {reference.run}"
@@ -325,10 +326,6 @@ def start_of(trace: Trace, name: str, joints: Sequence[int]) -> Array:
     return np.array([starts.get(joint, 0.0) for joint in joints])
 
 
-EXPECTED = (*CONTROLLERS, LOADS["with_load"], "decouple")
-"""Runs that a complete measurement holds."""
-
-
 @dataclass(frozen=True)
 class Validation:
     """What a measurement says of paper and model.
@@ -363,9 +360,11 @@ def validated(file: TraceFile, name: str, base: LoadedConfig, site: Site) -> Val
         file = with_coupling(file, config.manipulator)
         measurement = measurement_of(file, None, config.joints)
     models, not_rerun = reruns(measurement, base, name, site.files, site.talk)
-    timing = measurement.timing
-    starts = {run: timing[run].start if run in timing else -np.inf for run in models}
-    decouple = file.part("decouple").runs.get("decouple")
+    compare, decouple = measurement.compare, file.part("decouple").runs.get("decouple")
+    starts = {run: measurement.timing[run].start for run in compare.runs}
+    own = None if is_papers else base
+    controllers = controllers_of(compare, site.talk, site.start, own) if compare.runs else []
+    expected = (*RUNS, "decouple") if is_papers else config.runs
     return Validation(
         is_papers,
         measurement,
@@ -374,19 +373,12 @@ def validated(file: TraceFile, name: str, base: LoadedConfig, site: Site) -> Val
         residuals=[
             row
             for run, model in models.items()
-            for row in comparison_rows(file.runs[run], model, starts[run])
+            for row in comparison_rows(file.runs[run], model, starts.get(run, -np.inf))
         ],
-        starts=[
-            row
-            for run, trace in measurement.compare.runs.items()
-            for row in start_rows(trace, timing[run].start)
-        ],
+        starts=[row for run, begin in starts.items() for row in start_rows(compare.runs[run], begin)],
         coupling=[*coupling_rows(decouple, file.plant)] if decouple else [],
-        controllers=controllers_of(measurement.compare, site.talk, site.start, None if is_papers else base)
-        if measurement.compare.runs
-        else [],
-        missing=[f"the run {run}" for run in (EXPECTED if is_papers else config.runs) if run not in file.runs]
-        + not_rerun,
+        controllers=controllers,
+        missing=[f"the run {run}" for run in expected if run not in file.runs] + not_rerun,
     )
 
 

@@ -89,7 +89,7 @@ def _number(plants: Plants, paper: Published, identifier: str) -> Ruling:
         whole = _all_reversed(plants, paper, identifier, judged)
         evidence["direction"] = {"statement": statement.text, **asdict(direction)}
     ruling = rules.of_number((low, high), box, direction, power, all_reversed=whole)
-    return replace(ruling, ours=box.median, evidence=evidence | {"remarks": _remarks(ruling, [])})
+    return replace(ruling, ours=box.median, evidence=evidence | {"remarks": _hardware(ruling)})
 
 
 def _claim(plants: Plants, paper: Published, rule: str) -> Ruling:
@@ -100,7 +100,13 @@ def _claim(plants: Plants, paper: Published, rule: str) -> Ruling:
     evidence = ruling.evidence | {"share_judged": float(claim.judged.mean())}
     if claim.beside:
         evidence["beside"] = _rows(plants, claim.beside, claim.judged)
-    remarks = [*claim.remarks, *_by_which_measure(evidence), *_left_out(plants)]
+    remarks = [*claim.remarks]
+    if "measure" in evidence:
+        shares = (f"{row['measure']} {100.0 * row['share']:.3g} %" for row in evidence["by_measure"])
+        by = f"decided by {evidence['measure']}, as it holds most often; by each: {', '.join(shares)}"
+        remarks.append(by)
+    if unresolved := int((~plants.resolved(*CONTROLLERS)).sum()):
+        remarks.append(f"left out: {count_of(unresolved, 'plant')} too fast for the integrator")
     if rule in VALUES:
         names = (name for name in paper.entries if name.startswith(VALUES[rule]))
         values = [_number(plants, paper, name) for name in names]
@@ -110,24 +116,15 @@ def _claim(plants: Plants, paper: Published, rule: str) -> Ruling:
         if ruling.verdict in rules.INSIDE:
             passing = ", ".join(f"{100.0 * value.evidence['also_passing']:.0f} %" for value in values)
             remarks.append(f"of a decade around each printed value this much would also pass: {passing}")
-    evidence["remarks"] = _remarks(ruling, remarks)
+    evidence["remarks"] = [*_hardware(ruling), *remarks]
     if claim.untestable:
         return not_testable(claim.untestable, None, **evidence)
     return replace(ruling, evidence=evidence)
 
 
-def _by_which_measure(evidence: Evidence) -> list[str]:
-    """Remark on the share by each measure, if there are several."""
-    if "measure" not in evidence:
-        return []
-    shares = [f"{row['measure']} {100.0 * row['share']:.3g} %" for row in evidence["by_measure"]]
-    return [f"decided by {evidence['measure']}, as it holds most often; by each: {', '.join(shares)}"]
-
-
-def _left_out(plants: Plants) -> list[str]:
-    """Remark on plants that could not be simulated, if there are some."""
-    unresolved = int((~plants.resolved(*CONTROLLERS)).sum())
-    return [f"left out: {count_of(unresolved, 'plant')} too fast for the integrator"] if unresolved else []
+def _hardware(ruling: Ruling) -> list[str]:
+    """What has to be said wherever the opposite holds."""
+    return [HARDWARE] if ruling.verdict == "contradicted" else []
 
 
 def _by_statements(plants: Plants, claim: Claim) -> Ruling:
@@ -160,13 +157,6 @@ def _rows(plants: Plants, statements: Sequence[Statement], counted: Mask) -> lis
     for statement in statements:
         share = plants.share(statement.holds, counted)
         named = {"measure": statement.measure} if statement.measure else {}
-        rows.append(
-            {"statement": statement.text, **named, "verdict": rules.of_share(share).verdict, **asdict(share)}
-        )
+        verdict = rules.of_share(share).verdict
+        rows.append({"statement": statement.text, **named, "verdict": verdict, **asdict(share)})
     return rows
-
-
-def _remarks(ruling: Ruling, remarks: Sequence[str]) -> list[str]:
-    """Remarks, after what has to be said wherever the opposite holds."""
-    hardware = [HARDWARE] if ruling.verdict == "contradicted" else []
-    return [*hardware, *remarks]

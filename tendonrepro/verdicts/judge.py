@@ -18,7 +18,7 @@ from tendonrepro.configuration.published import (
 from tendonrepro.configuration.shown import is_choice
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError, did_you_mean
-from tendonrepro.files import read_json, refuse_file, to_json
+from tendonrepro.files import Json, read_json, refuse_file, to_json
 from tendonrepro.monte_carlo.data import PLAN, EnsembleData, read_ensemble
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.records import TraceFile
@@ -26,14 +26,10 @@ from tendonrepro.results.store import read_manifest
 from tendonrepro.studies.parameters import MEASURED_FILE, Folder
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site, Study
-from tendonrepro.verdicts import ledger, report
-from tendonrepro.verdicts.from_ensemble import COMMAND, judge_plants
+from tendonrepro.verdicts import from_ensemble, ledger, measurement, planted, report, rules, sensitivity
 from tendonrepro.verdicts.from_print import judge_print
-from tendonrepro.verdicts.ledger import SHARE, ByChoice, Origin, Verdict
-from tendonrepro.verdicts.measurement import judge_measured, measurement_of, read_measured
-from tendonrepro.verdicts.planted import false_contradicted
-from tendonrepro.verdicts.rules import EDITION, FAILURES, Evidence, Ruling, Rulings, not_testable
-from tendonrepro.verdicts.sensitivity import deciding, rankings
+from tendonrepro.verdicts.ledger import ByChoice, Verdict
+from tendonrepro.verdicts.rules import Evidence, Ruling, Rulings, not_testable
 from tendonrepro.verdicts.statements import Plants
 from tendonrepro.verdicts.tension import tension
 
@@ -63,14 +59,16 @@ def judge_all(
     paper = paper or published()
     wanted = _wanted(paper, only)
     over_the_box = _over_the_box(data, paper, wanted, progress)
-    on_bench = judge_measured(measurement_of(measured, paper), paper) if measured else {}
+    on_bench = (
+        measurement.judge_measured(measurement.measurement_of(measured, paper), paper) if measured else {}
+    )
     verdicts = []
     for name in wanted:
         kind = paper.judgements[name].kind
         rulings = over_the_box.get(name) or _without_ensemble(data, paper, name)
         beside: Evidence = {}
         if decided_by and data and kind == "ensemble":
-            beside["decided_by"] = deciding(data, paper, name)
+            beside["decided_by"] = sensitivity.deciding(data, paper, name)
         if name in on_bench and kind == "measured":
             rulings = {PRINTED: on_bench[name]}
         elif name in on_bench:
@@ -102,7 +100,7 @@ def _over_the_box(
     for reading in dict.fromkeys((PRINTED, *data.readings)):
         plants = Plants(data, reading)
         for name in names:
-            rulings[name][reading] = judge_plants(plants, paper, name)
+            rulings[name][reading] = from_ensemble.judge_plants(plants, paper, name)
         progress(1)
     return rulings
 
@@ -115,7 +113,7 @@ def _without_ensemble(data: EnsembleData | None, paper: Published, identifier: s
         return judge_print(paper, identifier)
     if judgement.kind == "measured":
         return {PRINTED: not_testable("the measured motor and joint angles of the paper's data set", FETCH)}
-    return {PRINTED: not_testable("the ensemble", COMMAND)}
+    return {PRINTED: not_testable("the ensemble", from_ensemble.COMMAND)}
 
 
 def _verdict(paper: Published, identifier: str, rulings: Rulings, beside: Evidence) -> Verdict:
@@ -153,7 +151,7 @@ def _as_printed(paper: Published, identifier: str) -> tuple[str, str | None]:
     """What is printed, and its unit."""
     entry = paper.entries[identifier]
     if isinstance(entry, PrintedText):
-        return entry.text, SHARE if paper.judgements[identifier].kind == "ensemble" else None
+        return entry.text, ledger.SHARE if paper.judgements[identifier].kind == "ensemble" else None
     if isinstance(entry, PrintedNumber | PrintedRatio):
         return entry.as_printed, entry.unit
     low, high = paper.interval(identifier)
@@ -206,7 +204,7 @@ def claims_study(
         file = _measured(measured, site.talk)
         verdicts, origin = _judged(data, file, ids, above / ENSEMBLE, site.talk)
         told = Result(ledger.as_data(verdicts, origin), list(map(report.details_text, verdicts)))
-        against = any(verdict.verdict in FAILURES for verdict in verdicts)
+        against = any(verdict.verdict in rules.FAILURES for verdict in verdicts)
         if before is not None:
             changes = ledger.changed(before, verdicts)
             against = bool(changes)
@@ -215,7 +213,7 @@ def claims_study(
         if ids:
             return told
         since = [] if before is None else [report.changes_text(changes, before, verdicts)]
-        influences = rankings(data) if data else {}
+        influences = sensitivity.rankings(data) if data else {}
         return replace(
             told,
             parts=[report.table_text(verdicts, every=every), *since, report.claims_table(verdicts)],
@@ -232,15 +230,15 @@ def claims_study(
 
 def _judged(
     data: EnsembleData | None, measured: TraceFile | None, ids: Sequence[str], folder: Path, talk: Talk
-) -> tuple[list[Verdict], Origin]:
+) -> tuple[list[Verdict], Json]:
     """Judge by the ensemble of a folder, else by the shipped one; and tell which of them judged."""
     with talk.bar("judging", 0 if data is None else len(data.readings)) as progress:
         verdicts = judge_all(data, only=ids, measured=measured, decided_by=bool(ids), progress=progress)
     if data is None:
         shipped = ledger.shipped_ledger()
         return ledger.with_shipped(verdicts, shipped), shipped.ensemble
-    rates = false_contradicted(data, published(), [verdict.id for verdict in verdicts])
-    known = {"draws": len(data.draws), "rules_edition": EDITION}
+    rates = planted.false_contradicted(data, published(), [verdict.id for verdict in verdicts])
+    known = {"draws": len(data.draws), "rules_edition": rules.EDITION}
     origin = ledger.origin_of("local", read_manifest(folder) | known)
     return [replace(verdict, false_contradicted=rates.get(verdict.id)) for verdict in verdicts], origin
 
@@ -257,7 +255,7 @@ def _ensemble(folder: Path, talk: Talk) -> EnsembleData | None:
 def _measured(path: Path | None, talk: Talk) -> TraceFile | None:
     """Read a measurement of the paper's arm, if there is one."""
     path = path or (MEASURED_FILE if MEASURED_FILE.exists() else None)
-    file = read_measured(path) if path else None
+    file = measurement.read_measured(path) if path else None
     if file is None or of_paper(file):
         return file
     talk.note(f"{path}: not of the paper's arm; judging without it")

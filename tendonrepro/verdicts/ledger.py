@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from operator import attrgetter
-from typing import TypedDict, cast
 
 from tendonrepro.files import Json, read_json, shipped
 from tendonrepro.monte_carlo.shares import Share
@@ -76,25 +75,15 @@ class Verdict:
         )
 
 
-class Origin(TypedDict):
-    """Which ensemble judged the claims."""
-
-    source: str
-    draws: int
-    tendonrepro_version: str
-    created: str
-    rules_edition: int
-
-
 @dataclass(frozen=True)
 class Ledger:
     """Verdicts by their ids, and which ensemble judged."""
 
     verdicts: Mapping[str, Verdict]
-    ensemble: Origin
+    ensemble: Json
 
 
-def as_data(verdicts: Sequence[Verdict], ensemble: Origin | None = None) -> dict[str, object]:
+def as_data(verdicts: Sequence[Verdict], ensemble: Json | None = None) -> dict[str, object]:
     """Data of ``claims --json``; `ensemble` tells which one judged."""
     return {
         "schema_version": SCHEMA_VERSION,
@@ -137,10 +126,10 @@ def shipped_ledger() -> Ledger:
     return replace(stored, ensemble=origin_of("shipped", stored.ensemble))
 
 
-def origin_of(source: str, known: Mapping[str, object]) -> Origin:
+def origin_of(source: str, known: Json) -> Json:
     """Which ensemble judged, by what is known of it; ``local`` or ``shipped``."""
     keys = ("draws", "tendonrepro_version", "created", "rules_edition")
-    return cast("Origin", {"source": source} | {key: known.get(key) for key in keys})
+    return {"source": source} | {key: known.get(key) for key in keys}
 
 
 def with_shipped(verdicts: Sequence[Verdict], ledger: Ledger) -> list[Verdict]:

@@ -146,7 +146,7 @@ def measurement_of(file: TraceFile, paper: Published | None, joints: Sequence[in
     try:
         reference = recover_reference(file, joints)
     except DataMissingError as error:
-        unrecovered = f"{error.message}; {error.hint}" if error.hint else error.message
+        unrecovered = str(error).replace("\n", "; ")
     timing = timing_of(file, reference)
     tables = try_windows(file.part("compare"), paper, timing) if paper else PrintedTables()
     return Measurement(file, tables, reference, unrecovered, timing)
@@ -236,7 +236,7 @@ def _claim(measurement: Measurement, paper: Published, identifier: str) -> Rulin
     if rule == "stable":
         for run in CONTROLLERS:
             # A status that was judged without the error of a joint says nothing about it.
-            arm.statistic(run, "max_error")
+            arm[run, "max_error"]
         remarks += [f"{run} is {told}" for run, told in stopped.items()]
     elif not claim.judged[0]:
         run, told = next(iter(stopped.items()))

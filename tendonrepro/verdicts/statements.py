@@ -92,18 +92,14 @@ class Plants:
             self._statuses[run] = self._table.status(*self._case(run))
         return self._statuses[run]
 
-    def statistic(self, run: Run, name: str) -> Array:
-        """One statistic of a run, SI, (N, n); else a DataMissingError."""
-        if (run, name) not in self.looked_up:
-            self.looked_up[run, name] = self._table.statistic(*self._case(run), name)
-        return self.looked_up[run, name]
-
     def __getitem__(self, key: tuple[Run, str]) -> Array:
-        """Statistic (N, n) by (run, name), `SHAPE` too."""
+        """Statistic (N, n) by (run, name), SI, `SHAPE` too; else a DataMissingError."""
         run, name = key
         if name == SHAPE:
-            return np.asarray(self.statistic(run, "rmse") / self.statistic(run, "mae"))
-        return self.statistic(run, name)
+            return np.asarray(self[run, "rmse"] / self[run, "mae"])
+        if key not in self.looked_up:
+            self.looked_up[key] = self._table.statistic(*self._case(run), name)
+        return self.looked_up[key]
 
     def ok(self, *runs: Run) -> Mask:
         """Where all these runs are ``ok``."""
@@ -209,22 +205,16 @@ def stable(plants: Plants, _: Published) -> Claim:
 def in_order(plants: Plants, paper: Published, statistics: Mapping[str, str]) -> Claim:
     """C2 and F1: some statistics of Controllers 1 < 2 < 3, or what other order is printed."""
     printed = printed_order(paper, plants.joints, statistics) or CONTROLLERS
-    published, reverse = (
+    n, best = len(plants.joints), printed[0]
+    published, reverse, last = (
         [
             statement
-            for first, second in pairwise(runs)
+            for first, second in pairs
             for name, what in statistics.items()
             for statement in smaller(plants, name, first, second, what)
         ]
-        for runs in (printed, printed[::-1])
+        for pairs in (pairwise(printed), pairwise(printed[::-1]), product(printed[1:], [best]))
     )
-    n, best = len(plants.joints), printed[0]
-    last = [
-        statement
-        for rival in printed[1:]
-        for name, what in statistics.items()
-        for statement in smaller(plants, name, rival, best, what)
-    ]
     beside = [
         Statement(f"joint {joint}: {text}, by chance on 1/6", together(statements[i::n]))
         for i, joint in enumerate(plants.joints)

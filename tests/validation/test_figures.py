@@ -59,15 +59,6 @@ def test_panels_are_the_papers_and_no_curve_hides_the_other(number, file):
     assert "Thin, dashed: simulated" in [text.get_text() for text in drawn.figure.legends[0].get_texts()]
 
 
-def test_curves_are_the_measured_and_the_simulated_values(file):
-    lines = draw_overlay("fig14", file, models(file)).lines
-    e = np.rad2deg(file.runs["controller_2"]["e"][:, 0])
-    for kind, size in (("", 1.0), (" simulated", 1.1)):
-        values = np.asarray(lines["c", f"Controller 2{kind}"].get_ydata(), float)
-        assert values.max() == pytest.approx(size * e.max())
-        assert values.min() == pytest.approx(size * e.min())
-
-
 @pytest.mark.parametrize("number", ["fig14", "fig15"])
 def test_a_joint_that_the_model_has_not_moves_no_curve_to_another(number, file):
     """Joint 1 was recorded while it was held; the model has joints 2 and 3."""

@@ -60,13 +60,6 @@ class TestKnownAnswers:
         assert any("measured hardware" in remark for remark in found.evidence["remarks"])
         assert verdict_on(data, paper, "share.controller_1_of_3.mae.joint_2").verdict == "contradicted"
 
-    def test_half_of_the_box_makes_it_depend_on_the_plant(self, data, paper):
-        half = data.draws[:, 0] > 0.5
-        data.values["controller_1", PRINTED, "mae"][half] *= 2.0
-        found = verdict_on(data, paper, "C2")
-        assert found.verdict == "depends_on_plant"
-        assert found.ours == pytest.approx(np.mean(~half))
-
 
 FIRST, SECOND, THIRD = CONTROLLERS
 LOADED = "controller_1_payload"
@@ -100,10 +93,8 @@ PARTS = [
     ("C2", FIRST, PRINTED, ["mae"], 2.0, "MAE of controller_1"),
     ("F1", THIRD, PRINTED, ["rmse"], 0.8, "RMSE/MAE of controller_2"),
     ("C5", FIRST, PRINTED, sizes_of("H_hat", "_down"), 1.4, "moving down"),
-    ("C6", FIRST, PRINTED, ["torque_step_rms"], 1.2, "torque step"),
     ("C6", FIRST, PRINTED, sizes_of("torque"), 1.2, "of torque of"),
     ("C3", FIRST, PRINTED, ["mae_calm"], 0.4, "larger there than elsewhere"),
-    ("P1", LOADED, PRINTED, ["mae"], 0.5, "MAE"),
 ]
 """What turns some statements round, and a word in them."""
 
@@ -133,10 +124,8 @@ class TestEveryClaimCanFail:
         ("claim", "run", "reading", "names", "left"),
         [
             ("C4", FIRST, PRINTED, ["s_rms"], "RMS of s below 3 Hz"),
-            ("C5", FIRST, PRINTED, ["H_hat_peak_up", "H_hat_slow_up"], "RMS"),
             ("C6", FIRST, PRINTED, ["torque_rms", "torque_peak_up"], "course below 3 Hz"),
             ("E1", FIRST, PRINTED, ["epsilon_rms"], "RMS of epsilon below 3 Hz"),
-            ("E2", SECOND, SHORTER.name, ["mae"], "RMS of epsilon below 3 Hz"),
         ],
     )
     def test_one_measure_is_enough(self, data, paper, claim, run, reading, names, left):
@@ -203,6 +192,11 @@ class TestEveryClaimCanFail:
         found = verdict_on(data, paper, "C1")
         assert found.ours == pytest.approx(share)
         assert found.verdict == ("compatible" if share > 0.95 else "depends_on_plant")
+        # Too many that nobody could simulate.
+        data.codes["controller_2", PRINTED][:21] = 3
+        assert verdict_on(data, paper, "C1").verdict == "not_testable"
+        data.codes["controller_2", PRINTED][20] = 0
+        assert verdict_on(data, paper, "C1").verdict == found.verdict
 
 
 class TestWhatIsCounted:
@@ -243,12 +237,6 @@ class TestWhatIsCounted:
         assert verdict_on(data, paper, "C1").verdict == "depends_on_plant"
         data.codes["controller_2", PRINTED][99] = 0
         assert verdict_on(data, paper, "C2").verdict == "compatible"
-
-    def test_unresolved_plants_hold_up_the_claim_of_stability(self, data, paper):
-        data.codes["controller_2", PRINTED][:20] = 3
-        assert verdict_on(data, paper, "C1").verdict == "compatible"
-        data.codes["controller_2", PRINTED][20] = 3
-        assert verdict_on(data, paper, "C1").verdict == "not_testable"
 
     def test_plants_without_overshoot_are_left_out(self, data, paper):
         for run in CONTROLLERS:

@@ -124,7 +124,7 @@ class TestComparison:
         for held, message in ((file, "^s of all controllers"), (bare, "^s or e of the run controller_3")):
             arm = Plants(Measurement(with_run(held, lacking), EMPTY, None), PRINTED)
             with pytest.raises(DataMissingError, match=message):
-                arm.statistic("controller_3", "s_rms")
+                arm["controller_3", "s_rms"]
 
     def test_no_variation_of_a_run_was_measured(self):
         arm = Plants(Measurement(comparison(), EMPTY, None), PRINTED)

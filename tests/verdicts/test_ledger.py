@@ -146,7 +146,7 @@ def test_an_ensemble_of_ones_own_replaces_them(tmp_path, monkeypatch):
     (tmp_path / "ensemble" / PLAN).touch()
     (tmp_path / "ensemble" / "manifest.json").write_text('{"created": "2026-01-02"}')
     monkeypatch.setattr("tendonrepro.verdicts.judge.read_ensemble", lambda _: own)
-    monkeypatch.setattr("tendonrepro.verdicts.judge.rankings", lambda _: {})
+    monkeypatch.setattr("tendonrepro.verdicts.sensitivity.rankings", lambda _: {})
     ledger = claimed(tmp_path)
     assert not any(entry["shipped"] for entry in entries(ledger.data).values())
     known = {"draws": len(own.draws), "created": "2026-01-02", "rules_edition": EDITION}

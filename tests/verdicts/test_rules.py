@@ -39,12 +39,10 @@ class TestNumbers:
         ("direction", "verdict"),
         [
             (None, "outside_model"),
-            (1.0, "direction_only"),
             (0.95, "direction_only"),
             (0.9499, "depends_on_plant"),
             (0.0501, "depends_on_plant"),
             (0.05, "contradicted"),
-            (0.0, "contradicted"),
         ],
     )
     def test_outside_goes_by_direction(self, direction, verdict):
@@ -56,6 +54,12 @@ class TestNumbers:
         printed = [(1.05, 1.06), (0.95, 0.96), (1.2, 1.21), (2.0, 2.0)]
         near = [rules.of_number(ends, found(1.0, 2.0, 0.1), None, 0.3).borderline for ends in printed]
         assert near == [True, True, False, True]
+        # A direction counts only where it decides.
+        by_direction = [
+            rules.of_number(ends, found(1.0, 2.0, 0.1), share(0.94, 0.02), 0.3).borderline
+            for ends in (self.OUTSIDE, self.INSIDE)
+        ]
+        assert by_direction == [True, False]
 
     @pytest.mark.parametrize(
         ("printed", "range_"),
@@ -72,10 +76,6 @@ class TestNumbers:
     def test_inside_a_range_that_would_hold_much_says_nothing(self, power, verdict):
         assert rules.of_number(self.INSIDE, found(1.0, 2.0), None, power).verdict == verdict
         assert rules.of_number(self.OUTSIDE, found(1.0, 2.0), None, power).verdict == "outside_model"
-
-    def test_borderline_by_direction_only_where_it_decides(self):
-        assert rules.of_number(self.OUTSIDE, found(1.0, 2.0, 0.1), share(0.94, 0.02), 0.3).borderline
-        assert not rules.of_number(self.INSIDE, found(1.0, 2.0, 0.1), share(0.94, 0.02), 0.3).borderline
 
 
 class TestClaims:
@@ -111,12 +111,10 @@ class TestClaims:
         assert rules.of_values(Ruling("contradicted"), [good, weak]).verdict == "no_power"
         assert rules.of_values(Ruling("compatible"), [weak, bad]).verdict == "direction_only"
         assert rules.of_values(Ruling("depends_on_plant"), [good, bad]).verdict == "depends_on_plant"
-
-    def test_values_near_an_end_make_the_claim_borderline(self):
-        near, far = Ruling("compatible", borderline=True), Ruling("outside_model")
-        assert rules.of_values(Ruling("compatible"), [near]).borderline
-        assert rules.of_values(near, [far]).borderline
-        assert not rules.of_values(near, [Ruling("compatible")]).borderline
+        near = Ruling("compatible", borderline=True)
+        assert rules.of_values(good, [near]).borderline
+        assert rules.of_values(near, [bad]).borderline
+        assert not rules.of_values(near, [good]).borderline
 
     def test_ways_that_agree_have_their_verdict(self):
         good, bad = Ruling("compatible"), Ruling("contradicted")
@@ -154,12 +152,9 @@ class TestPage:
             (r"low-pass at (\d+) Hz", SLOW),
             (r"with fewer than (\d+) plants judged", LEAST_PLANTS),
             (r"more than (\d+) % of the box, claim C1", 100 * rules.MOST_UNRESOLVED),
-            (r"t intervals at (\d+) %", 95),
             (r"With fewer than (\d+) scramblings", LEAST_SCRAMBLINGS),
             (r"similar \| differ by at most (\d+) %", 100 * rules.SIMILAR),
-            (r"range from the (\d+) %", 100 * QUANTILES["q05"]),
             (r"to the (\d+) % quantile of the plants", 100 * QUANTILES["q95"]),
-            (r"is more than (\d+) % and less", 100 * (1 - from_print.NEARLY)),
             (r"less than (\d+) % of its expected", 100 * (1 + from_print.NEARLY)),
             (r"on joint 1 below (\d+) %", 100 * TINY),
             (r"on every joint below (\d+) %", 100 * AGREES),
@@ -167,8 +162,6 @@ class TestPage:
             (r"moves less than (\d+)°", np.rad2deg(LEAST_RANGE)),
             (r"spread evenly within (\d+) % of the print", 100 * SPREAD),
             (r"links at least (\d+)° from the edges", MARGINS[0]),
-            (r"same is asked at (\d+)°", MARGINS[1]),
-            (r"and at (\d+)° from the edges", MARGINS[2]),
         ],
     )
     def test_thresholds(self, text, pattern, value):

@@ -31,12 +31,6 @@ class TestKnownIndices:
         assert ranking["unexplained"] > 0.9
         assert ranking["rows"][0]["index"] < 0.1
 
-    def test_a_discrete_unknown(self, draws):
-        coarse = draws.copy()
-        coarse[:, 2] = np.floor(3.0 * coarse[:, 2])
-        assert index(ranking_of(coarse, coarse[:, 2] == 1.0), "c") > 0.8
-        assert index(ranking_of(coarse, coarse[:, 0]), "c") < 0.05
-
 
 @pytest.mark.parametrize("plants", [101, 400])
 def test_indices_and_intervals_are_those_of_salib(draws, plants):
