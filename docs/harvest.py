@@ -15,15 +15,16 @@ from bounds import bounds
 from planted_papers import scatter_of_repeats, store_errors, store_rates, stored_errors
 from stored_results import DOCS, nearest, of_joints, read, rounded, store, store_table, stored, write
 
+from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.box import WORDS
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import parse_reading
-from tendonrepro.configuration.published import published
+from tendonrepro.configuration.published import METRICS, published
 from tendonrepro.configuration.shown import KEPT, SHOWN
-from tendonrepro.identification.goal import printed_numbers
-from tendonrepro.identification.misfit import Bench, nearest_draws
+from tendonrepro.identification.goal import Goal, printed_numbers
+from tendonrepro.identification.misfit import Bench, Simulated, log_misfit
 from tendonrepro.identification.space import space_of
 from tendonrepro.monte_carlo.data import EnsembleData, read_ensemble
 from tendonrepro.physics.metrics import STATUSES
@@ -149,13 +150,24 @@ NEAREST, REPEATS = 16, 16
 """Draws of each interpretation that are repeated, and how often: a search's misfit is a median of repeats, too."""
 
 
+def nearest_draws(ensemble: EnsembleData, goal: Goal, reading: str) -> Array:
+    """Values (N, P) of the rows of the `NEAREST` draws whose runs all end well, the nearest first."""
+    status = np.stack([ensemble.status(run, reading) for run in goal.runs], axis=1)
+    sizes = np.array([[ensemble.statistic(run, reading, metric) for metric in METRICS] for run in goal.runs])
+    # How long a bad run lasted is not stored, and does not matter: only good ones count.
+    drawn = Simulated(np.rad2deg(np.moveaxis(sizes, 2, 0)), status, np.ones(status.shape))
+    stable = np.flatnonzero(drawn.ok.all(axis=1))
+    nearest = stable[np.argsort(log_misfit(drawn, goal)[stable], kind="stable")]
+    return np.asarray(ensemble.draws[nearest[:NEAREST]])
+
+
 def misfit_of_draws(ensemble: EnsembleData) -> dict[str, Any]:
     """How near the draws of each interpretation shown come to Tables 2 and 3, without any search."""
     goal = printed_numbers(published(), ensemble.joints)
     bench = Bench(space_of(load_ensemble(None)), "whole", simulate_batch)
 
     def misfit(name: str) -> float:
-        near = nearest_draws(ensemble, goal, name, NEAREST)
+        near = nearest_draws(ensemble, goal, name)
         return float(bench.repeated(near, parse_reading(name), goal, REPEATS, [0]).median.min())
 
     return {"draws": len(ensemble), "misfit_log": {name: misfit(name) for name in SHOWN if name in ensemble.readings}}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal, InvalidOperation
@@ -35,8 +34,6 @@ Window: TypeAlias = Literal["whole", "late", "settled"]
 
 _ROUNDED = 6
 """Digits behind the point up to which a number of a table counts as rounded; longer ones are exact."""
-_LONG = ("metric", "value_deg", "half_deg")
-"""Columns of a table with a row for each number, beside those that `compare` writes."""
 _HINT = "A table begins with run,joint,mae_deg,rmse_deg, as tables/table2.csv of compare does."
 
 
@@ -45,14 +42,12 @@ class Goal:
     """Errors of R runs, deg, and half a unit of their last digit, (R, 2, n); NaN where there is none.
 
     Those that are `fitted`, (R, 2, n), decide; the others only stand beside. `name` says where they come
-    from, `told` how many they are, `named` what results are labelled with, `asked` which options ask for
-    them.
+    from, `told` how many they are, `named` what results are labelled with.
     """
 
     name: str
     told: str
     named: Mapping[str, str]
-    asked: tuple[str, ...]
     runs: tuple[str, ...]
     joints: tuple[int, ...]
     values: Array
@@ -107,7 +102,6 @@ def printed_numbers(paper: Published, joints: Sequence[int], fit: Target = "all"
         name="Tables 2 and 3" if fit == "all" else "Controller 2 of Table 2",
         told="all sixteen numbers" if fit == "all" else "Controller 2's four numbers",
         named={"fit": fit},
-        asked=(f"--fit {fit}",),
         runs=RUNS,
         joints=tuple(joints),
         values=np.reshape([number.value for number in numbers], shape),
@@ -155,22 +149,12 @@ def own_numbers(path: Path, loaded: LoadedEnsemble, window: Window, laws: Sequen
         name=path.name,
         told=f"the {count} of {path.name}",
         named={"errors": path.name},
-        asked=(*_arm_words(loaded), f"--errors {shlex.quote(str(path))}"),
         runs=runs,
         joints=tuple(joints),
         values=values,
         half=half,
         fitted=np.isfinite(values),
     )
-
-
-def _arm_words(loaded: LoadedEnsemble) -> Iterator[str]:
-    """Options that name an arm of one's own and how far plants lie around it."""
-    if loaded.around:
-        yield f"--config {shlex.quote(loaded.base.origin)}"
-        if loaded.around.spread is not None:
-            yield f"--spread {loaded.around.spread:g}"
-        yield from (f"--range {key}={low:g},{high:g}" for key, (low, high) in loaded.around.ranges.items())
 
 
 def _of_traces(path: Path, loaded: LoadedEnsemble, window: Window, runs: Sequence[str]) -> Iterator[_Number]:
@@ -194,66 +178,45 @@ def _of_traces(path: Path, loaded: LoadedEnsemble, window: Window, runs: Sequenc
 
 
 def _of_table(path: Path, loaded: LoadedEnsemble, runs: Sequence[str]) -> Iterator[_Number]:
-    """Numbers of a table with a row for each run and joint, or for each number."""
+    """Numbers of a table with a row for each run and joint."""
     lines = csv.DictReader(read_text(path, "name a table of errors, or a folder with traces").splitlines())
-    columns = [name.strip() for name in lines.fieldnames or ()]
+    lines.fieldnames = columns = [name.strip() for name in lines.fieldnames or ()]
     _check_columns(columns, path)
-    lines.fieldnames = columns
-    seen: dict[tuple[str, str, int], int] = {}
+    joints, seen = [str(number) for number in loaded.compare.joints], dict[tuple[str, str, str], int]()
     for row in lines:
         where = f"{path}:{lines.line_num}"
         if None in row:
             message = f"has more cells than the {len(columns)} of the heading"
             raise UsageError(message, where=where, hint="write 0.25 with a point, and a comma between cells")
-        cells = {name: (cell or "").strip() for name, cell in row.items() if isinstance(cell, str)}
-        for number in _of_row(cells, loaded, runs, where):
-            key = number[:3]
-            if key in seen:
-                message = (
-                    f"{number.metric} of {number.run}, joint {number.joint}, is in line {seen[key]}, too"
-                )
-                raise UsageError(message, where=where, hint="delete one of the two")
-            seen[key] = lines.line_num
-            yield number
+        cells = {name: (cell or "").strip() for name, cell in row.items()}
+        run, joint = cells["run"], cells["joint"]
+        if run not in runs:
+            message = f"{loaded.base.origin} has no run {run!r}{did_you_mean(run, runs)}"
+            raise UsageError(message, where=where, hint=f"There are: {', '.join(runs)}")
+        if joint not in joints:
+            message = f"no joint {joint!r} moves in {loaded.base.origin}"
+            raise UsageError(message, where=where, hint=f"There are: {', '.join(joints)}")
+        half = cells.get("half_deg") and float(_positive(cells["half_deg"], "half_deg", where))
+        for metric in METRICS:
+            if text := cells.get(f"{metric}_deg"):
+                key, value = (run, metric, joint), _positive(text, f"{metric}_deg", where)
+                if key in seen:
+                    message = f"{metric} of {run}, joint {joint}, is in line {seen[key]}, too"
+                    raise UsageError(message, where=where, hint="delete one of the two")
+                seen[key] = lines.line_num
+                yield _Number(run, metric, int(joint), float(value), half or _half_unit(value))
 
 
 def _check_columns(columns: Sequence[str], path: Path) -> None:
-    needed = ("run", "joint", *(("metric", "value_deg") if "metric" in columns else ()))
-    missing = [name for name in needed if name not in columns]
-    known = (*_LONG, *COLUMNS)
+    known = (*COLUMNS, "half_deg")
+    missing = [name for name in ("run", "joint") if name not in columns]
+    missing += ["mae_deg"] if not {"mae_deg", "rmse_deg"} & {*columns} else []
     unknown = [name for name in columns if name not in known]
-    if "metric" not in columns and not {"mae_deg", "rmse_deg"} & {*columns}:
-        missing.append("mae_deg")
     if missing:
         raise UsageError(f"there is no column {missing[0]}", where=f"{path}:1", hint=_HINT)
     if unknown:
         message = f"no column is called {unknown[0]!r}{did_you_mean(unknown[0], known)}"
         raise UsageError(message, where=f"{path}:1", hint=_HINT)
-
-
-def _of_row(
-    cells: Mapping[str, str], loaded: LoadedEnsemble, runs: Sequence[str], where: str
-) -> Iterator[_Number]:
-    run, joint = cells.get("run", ""), cells.get("joint", "")
-    joints = [str(number) for number in loaded.compare.joints]
-    if run not in runs:
-        message = f"{loaded.base.origin} has no run {run!r}{did_you_mean(run, runs)}"
-        raise UsageError(message, where=where, hint=f"There are: {', '.join(runs)}")
-    if joint not in joints:
-        message = f"no joint {joint!r} moves in {loaded.base.origin}"
-        raise UsageError(message, where=where, hint=f"There are: {', '.join(joints)}")
-    if "metric" in cells:
-        if cells["metric"] not in METRICS:
-            message = f"metric: must be mae or rmse, found {cells['metric']!r}"
-            raise UsageError(message, where=where, hint="delete rows of other metrics")
-        texts = {cells["metric"]: cells.get("value_deg", "") or "nothing"}
-    else:
-        texts = {metric: text for metric in METRICS if (text := cells.get(f"{metric}_deg", ""))}
-    for metric, text in texts.items():
-        value = _positive(text, "value_deg" if "metric" in cells else f"{metric}_deg", where)
-        half = cells.get("half_deg")
-        error = float(_positive(half, "half_deg", where)) if half else _half_unit(value)
-        yield _Number(run, metric, int(joint), float(value), error)
 
 
 def _positive(text: str, column: str, where: str) -> Decimal:

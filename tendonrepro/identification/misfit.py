@@ -14,11 +14,9 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models.readings import Reading
 from tendonrepro.configuration.published import METRICS
-from tendonrepro.errors import DataMissingError
 from tendonrepro.identification.goal import Goal, Window
 from tendonrepro.identification.optimisers import Evaluated
 from tendonrepro.identification.space import Space
-from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.evaluate import Simulate, stub_of
 from tendonrepro.monte_carlo.population import Population
 from tendonrepro.physics.metrics import STATUSES
@@ -170,42 +168,3 @@ def rounding_misfit(sizes: Array, goal: Goal) -> float | None:
     """Root mean square of ours (R, 2, n) less the goal in half units of the last digit, if all have one."""
     apart = ((sizes - goal.values) / goal.half)[goal.fitted]
     return float(np.sqrt(np.mean(apart**2))) if np.isfinite(apart).all() else None
-
-
-def nearest_draws(
-    ensemble: EnsembleData, goal: Goal, reading: str, most: int, window: Window = "whole"
-) -> Array:
-    """Values (N, P) of the rows of the `most` nearest draws whose runs all end well, the nearest first.
-
-    Parameters
-    ----------
-    ensemble : EnsembleData
-        With every run of the goal, on the joints of the goal.
-    goal : Goal
-        The numbers.
-    reading : str
-        Its name.
-    most : int
-        How many draws, at most.
-    window : {'whole', 'late', 'settled'}
-        What errors average.
-
-    Raises
-    ------
-    DataMissingError
-        Where the ensemble lacks the reading, or no draw ends well under it.
-    """
-    status = np.stack([ensemble.status(run, reading) for run in goal.runs], axis=1)
-    sizes = np.array(
-        [
-            [ensemble.statistic(run, reading, metric + SUFFIX[window]) for metric in METRICS]
-            for run in goal.runs
-        ]
-    )
-    # How long a bad run lasted is not stored, and does not matter: only good ones count.
-    drawn = Simulated(np.rad2deg(np.moveaxis(sizes, 2, 0)), status, np.ones(status.shape))
-    stable = np.flatnonzero(drawn.ok.all(axis=1))
-    if not stable.size:
-        raise DataMissingError(f"no draw of the ensemble ends well under {reading}")
-    nearest = stable[np.argsort(log_misfit(drawn, goal)[stable], kind="stable")]
-    return np.asarray(ensemble.draws[nearest[:most]])

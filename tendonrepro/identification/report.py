@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import NotRequired, TypedDict
+from typing import TypeAlias
 
 import numpy as np
 
@@ -42,56 +41,13 @@ _OF_KNOWN = ("name", "best", "lowest", "highest", "value", "value_unit", "known"
 """Columns for a terminal."""
 
 
-class ParameterRow(TypedDict):
-    """A row of the ranges on the best plant, and on those that come near."""
+SearchAnswer: TypeAlias = Json
+"""What the searches of one reading found.
 
-    name: str
-    unit: str
-    low: float
-    high: float
-    searched: bool
-    choice: bool
-    best: float | str
-    at_bound: str | None
-    plants: list[float | str]
-
-
-class KnownRow(TypedDict):
-    """What the numbers tell of a row that was searched; `value` is that of an arm of one's own."""
-
-    name: str
-    unit: str
-    best: float | str
-    lowest: float | str
-    highest: float | str
-    of_range: float
-    determined: bool
-    known: str
-    value: NotRequired[float]
-    value_unit: NotRequired[str]
-
-
-class SearchAnswer(TypedDict):
-    """The searches of one reading, the nearer first; its misfit is the one that is told.
-
-    A row of `searches` has the median misfit of the repeats, its quartiles, the share of them with the order
-    of the goal, and the lowest misfit that was seen. Rows of `best_shape` and `numbers` have keys that name
-    whose they are.
-    """
-
-    name: str
-    search: str
-    misfit_log: float
-    misfit_rounding: float | None
-    fits: bool
-    searches: list[Json]
-    near_limit: float
-    near_count: int
-    rows_searched: list[str]
-    best_shape: list[Json]
-    numbers: list[Json]
-    parameters: list[ParameterRow]
-    known: list[KnownRow]
+A row of its `searches`, the nearer first, has the median misfit of the repeats, its quartiles, the share of
+them with the order of the goal, and the lowest misfit that was seen. Rows of `numbers` and `best_shape` have
+keys that name whose they are, those of `parameters` and `known` a row of the ranges each.
+"""
 
 
 def nearest_search(searches: Sequence[SearchAnswer]) -> SearchAnswer:
@@ -108,30 +64,34 @@ def identification_result(
     best = nearest_search(searches)
     answers, open_ends = [*remarks, conclusion(searches[0], goal, within)], unknown(best, goal)
     data = {**head, "readings": searches, "conclusions": answers, "unknown": open_ends}
-    scalars = [_scalars(answer) for answer in searches]
-    caption = (
+    numbers, parameters = list[Json](), list[Json]()
+    for answer in searches:
+        known = {row["name"]: row for row in answer["known"]}
+        numbers += [{"reading": answer["name"], **row} for row in answer["numbers"]]
+        parameters += [
+            {"reading": answer["name"], **row, **known.get(row["name"], {})} for row in answer["parameters"]
+        ]
+    captions = (
         f"Best plant under each reading; misfit as root mean square of log(ours/{goal.word}), the median and "
-        "quartiles of repeats with masses moved by a millionth, and the share of these in order."
+        "quartiles of repeats with masses moved by a millionth, and the share of these in order.",
+        f"{goal.word.capitalize()} numbers, the best plant's, and those of plants that come near.",
+        "Every row of the box on the best plant and on those that come near; of each row that was searched "
+        "what the numbers tell, by all plants that come near.",
     )
-    numbers = [{"reading": answer["name"], **row} for answer in searches for row in answer["numbers"]]
+    shown = ("run", "metric", "joint", "ours_deg", f"{goal.word}_deg", "ratio", "lowest_deg", "highest_deg")
+    of_best = Table("best", f"Best plant{_under(best, goal)}.", best["numbers"], terminal=shown)
     parts: list[Table | str] = [
         "\n".join(answers),
-        Table("identify_readings", caption, scalars, terminal=_OF_READINGS),
-        _of_the_best(best, goal).text(),
-        Table(
-            "identify_numbers",
-            f"{goal.word.capitalize()} numbers, the best plant's, and those of plants that come near.",
-            numbers,
-            terminal=(),
-        ),
-        Table(
-            "identify_parameters",
-            "Every row of the box on the best plant and on those that come near; of each row that was "
-            "searched what the numbers tell, by all plants that come near.",
-            [{"reading": answer["name"], **row} for answer in searches for row in _parameters(answer)],
-            terminal=(),
-        ),
-        *([_known(best).text()] if len(searches) == 1 and len(best["known"]) <= goal.numbers else []),
+        Table("identify_readings", captions[0], [*map(_scalars, searches)], terminal=_OF_READINGS),
+        of_best.text(),
+        Table("identify_numbers", captions[1], numbers, terminal=()),
+        Table("identify_parameters", captions[2], parameters, terminal=()),
+    ]
+    if len(searches) == 1 and len(best["known"]) <= goal.numbers:
+        caption = "What the numbers tell of each row that was searched, by all plants that come near."
+        columns = [name for name in _OF_KNOWN if name in best["known"][0]]
+        parts.append(Table("known", caption, best["known"], terminal=columns).text())
+    parts += [
         "\n".join(open_ends),
         f"tendonrepro compare --config {head['config']} shows the best plant's traces.",
     ]
@@ -149,26 +109,6 @@ def _scalars(answer: SearchAnswer) -> Json:
     nearer = {key: value for key, value in answer["searches"][0].items() if key != "search"}
     each = {f"misfit_log_{one['search']}": one["misfit_log"] for one in answer["searches"]}
     return plain | nearer | {"found_by": answer["searches"][0]["search"]} | dict(sorted(each.items()))
-
-
-def _of_the_best(best: SearchAnswer, goal: Goal) -> Table:
-    """Numbers of the best plant of all, for a terminal."""
-    title = f"Best plant{_under(best, goal)}."
-    shown = ("run", "metric", "joint", "ours_deg", f"{goal.word}_deg", "ratio", "lowest_deg", "highest_deg")
-    return Table("identify_best", title, best["numbers"], terminal=shown)
-
-
-def _known(search: SearchAnswer) -> Table:
-    """What is known of the rows that were searched, for a terminal."""
-    caption = "What the numbers tell of each row that was searched, by all plants that come near."
-    shown = [name for name in _OF_KNOWN if name in search["known"][0]]
-    return Table("identify_known", caption, search["known"], terminal=shown)
-
-
-def _parameters(search: SearchAnswer) -> list[Json]:
-    """Rows of all parameters, with what is known of those that were searched."""
-    known = {row["name"]: row for row in search["known"]}
-    return [{**row, **known.get(row["name"], {})} for row in search["parameters"]]
 
 
 def conclusion(first: SearchAnswer, goal: Goal, within: str) -> str:
@@ -200,52 +140,29 @@ def unknown(best: SearchAnswer, goal: Goal) -> list[str]:
     return [f"{counted}: {alike} determine each, as far as the model is right."]
 
 
-def write_config(
-    path: Path,
-    config: CompareConfig,
-    space: Space,
-    goal: Goal,
-    head: Json,
-    search: SearchAnswer,
-) -> None:
+def write_config(path: Path, config: CompareConfig, space: Space, goal: Goal, search: SearchAnswer) -> None:
     """Write the best plant under a reading as a configuration, and read it back as a check."""
-    source = f"identified: {goal.name}, misfit {search['misfit_log']:.2g}"
-    tree = space.sourced(config, source, search["rows_searched"])
+    tree = space.sourced(
+        config, f"identified: {goal.name}, misfit {search['misfit_log']:.2g}", search["rows_searched"]
+    )
     tree["title"] = f"{config.title}, plant fitted to {goal.name}"
-    path.parent.mkdir(exist_ok=True)
-    write_atomically(path, _heading(goal, head, search, space.within) + dump(tree))
-    load_config(path, "compare")
-
-
-def _heading(goal: Goal, head: Json, search: SearchAnswer, within: str) -> str:
-    bounds = [f"{row['name']} ({row['at_bound']})" for row in search["parameters"] if row["at_bound"]]
-    under = _under(search, goal)
-    return f"""\
-# Fitted to {goal.name}{" of the paper" * goal.of_paper}{under},
-# by {_command(goal, head, search)}.
+    rows = search["parameters"]
+    bounds = [f"{row['name']} ({row['at_bound']})" for row in rows if row["at_bound"]]
+    is_all = all(row["searched"] for row in rows)
+    searched = "all rows" if is_all else f"{', '.join(search['rows_searched'])}; the others are the arm's"
+    heading = f"""\
+# Fitted to {goal.name}{" of the paper" * goal.of_paper}{_under(search, goal)},
+# by tendonrepro identify; identify.json says how.
 # Misfit {search["misfit_log"]:.3g}, root mean square of log(ours/{goal.word}), by the compiled stepper,
 # the median of repeats with masses moved by a millionth.
 # It proves nothing: what was fitted to {goal.origin} cannot be evidence for it.
-{_searched(search)}# At a bound of {within}: {", ".join(bounds) or "none of them"}.
+# Searched: {searched}.
+# At a bound of {space.within}: {", ".join(bounds) or "none of them"}.
 
 """
-
-
-def _searched(search: SearchAnswer) -> str:
-    """Which rows were searched, for a heading; nothing where all were."""
-    held = any(not row["searched"] for row in search["parameters"])
-    rows = ", ".join(search["rows_searched"])
-    return f"# Searched, the other rows kept what the arm has: {rows}.\n" if held else ""
-
-
-def _command(goal: Goal, head: Json, search: SearchAnswer) -> str:
-    """What makes the search again, on lines of a heading."""
-    asked = [*goal.asked, f"--window {head['window']}", f"--readings {search['name']}"]
-    effort = [f"--budget {head['budget']}"]
-    rows = [f"--rows {','.join(head['rows'])}"] if head["rows"] else []
-    changes = [f"--set {shlex.quote(change)}" for change in head["overrides"]]
-    lines = [" ".join(part) for part in (asked, effort, rows, *[[change] for change in changes]) if part]
-    return "\n# ".join(["tendonrepro identify " + lines[0], *lines[1:]])
+    path.parent.mkdir(exist_ok=True)
+    write_atomically(path, heading + dump(tree))
+    load_config(path, "compare")
 
 
 def number_rows(plants: Simulated, goal: Goal) -> list[Json]:
@@ -254,9 +171,7 @@ def number_rows(plants: Simulated, goal: Goal) -> list[Json]:
     for (r, m, i), theirs in np.ndenumerate(goal.values):
         if np.isnan(theirs):
             continue
-        ours = float(plants.sizes[0, r, m, i])
-        sizes = plants.sizes[plants.ok[:, r], r, m, i]
-        low, high = (sizes.min(), sizes.max()) if sizes.size else (np.nan, np.nan)
+        ours, sizes = float(plants.sizes[0, r, m, i]), plants.sizes[plants.ok[:, r], r, m, i]
         rows.append(
             {
                 "run": goal.runs[r],
@@ -266,8 +181,8 @@ def number_rows(plants: Simulated, goal: Goal) -> list[Json]:
                 f"{goal.word}_deg": float(theirs),
                 "ours_deg": ours,
                 "ratio": ours / float(theirs),
-                "lowest_deg": float(low),
-                "highest_deg": float(high),
+                "lowest_deg": float(sizes.min()) if sizes.size else np.nan,
+                "highest_deg": float(sizes.max()) if sizes.size else np.nan,
             }
         )
     return rows
@@ -289,14 +204,14 @@ def shape_rows(best: Simulated, goal: Goal) -> list[Json]:
     return rows
 
 
-def known_rows(box: Population, units: Array, numbers: int, *, fits: bool) -> list[KnownRow]:
+def known_rows(box: Population, units: Array, numbers: int, *, fits: bool) -> list[Json]:
     """What is known of every row that was searched, by points (N, P) that come near, the best first.
 
     ``of_range`` is how much of its range they take up. More rows than numbers determine none of them, and
     where the best does not fit there is nothing to be known.
     """
     values, searched = box.values(units), np.flatnonzero(box.free).tolist()
-    alone, rows = bool((units == units[0]).all()), list[KnownRow]()
+    alone, rows = bool((units == units[0]).all()), list[Json]()
     for p in searched:
         words, ends = box.rows[p].words, (float(values[:, p].min()), float(values[:, p].max()))
         # Of a choice two words are all there is to say.
@@ -325,14 +240,14 @@ def known_rows(box: Population, units: Array, numbers: int, *, fits: bool) -> li
     return rows
 
 
-def parameter_rows(box: Population, units: Array) -> list[ParameterRow]:
+def parameter_rows(box: Population, units: Array) -> list[Json]:
     """Every row of the box at points (N, P), the best first.
 
     What the best plant has switched off is at no bound.
     """
     values, best = box.values(units), units[0]
     idle = set() if box.around else idle_rows(box.named(values[0]))
-    rows: list[ParameterRow] = []
+    rows: list[Json] = []
     for p, row in enumerate(box.rows):
         plants = [row.words[int(value)] if row.words else float(value) for value in values[:, p]]
         can_lean = row.free and not row.choices and row.name not in idle

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from tendonrepro.identification import report
 from tendonrepro.identification.goal import Goal, Target, Window, own_numbers, printed_numbers
 from tendonrepro.identification.misfit import Bench, Repeats, rounding_misfit
 from tendonrepro.identification.optimisers import SEARCHES, SearchPoints
-from tendonrepro.identification.report import SearchAnswer, nearest_search
+from tendonrepro.identification.report import SearchAnswer
 from tendonrepro.identification.space import space_of
 from tendonrepro.monte_carlo.kept import WHOLE_RUNS, study_on_plants
 from tendonrepro.monte_carlo.plan import identity_of
@@ -168,7 +168,8 @@ def identification(
     UsageError
         For an unknown reading or row, no effort, or no numbers to fit.
     """
-    check_at_least_one(budget=budget)
+    if budget < 1:
+        raise UsageError(f"must be at least 1, found {budget}", where="--budget")
     check_jobs(jobs)
     window = _window(loaded, window) if errors else window
     space = space_of(loaded)
@@ -187,8 +188,8 @@ def identification(
     def run(site: Site, states: Path) -> Result:
         return _result(task, head, _searches(task, states, jobs, site.talk), site.files)
 
-    base = replace(loaded.base, inputs=(*loaded.base.inputs, *_files(errors)))
-    loaded = replace(loaded, base=base)
+    files = [errors / TRACES if errors.is_dir() else errors] if errors else []
+    loaded = replace(loaded, base=replace(loaded.base, inputs=(*loaded.base.inputs, *files)))
     study = study_on_plants(
         "identify",
         loaded,
@@ -198,16 +199,11 @@ def identification(
         cost=task.cost(),
         averages="" if errors else WHOLE_RUNS,
     )
-    return replace(
-        study, decided_by={"readings": [reading.name for reading in task.readings]}, plan=_plan(task, head)
-    )
-
-
-def _files(errors: Path | None) -> list[Path]:
-    """What the manifest tells of the numbers."""
-    if errors is None:
-        return []
-    return [errors / TRACES if errors.is_dir() else errors]
+    asked = [reading.name for reading in task.readings]
+    text = f"identify would make {count_of(len(head['searches']), 'search', 'searches')}"
+    text += f" of {head['evaluations']} plants\nwould write to {head['out']}"
+    plan = {**head, "config_sha256": loaded.sha256, "readings": asked, "text": text}
+    return replace(study, decided_by={"readings": asked}, plan=plan)
 
 
 def _goal(loaded: LoadedEnsemble, fit: Target, errors: Path | None, window: Window) -> Goal:
@@ -237,36 +233,17 @@ def _window(loaded: LoadedEnsemble, window: Window) -> Window:
     return "settled" if seconds else "whole"
 
 
-def _plan(task: IdentificationTask, head: Json) -> Json:
-    """What ``--json`` of a dry run says."""
-    searches = count_of(len(head["searches"]), "search", "searches")
-    text = f"identify would make {searches} of {head['evaluations']} plants"
-    text += f"\nwould write to {head['out']}"
-    readings = [reading.name for reading in task.readings]
-    return {
-        **head,
-        "config_sha256": task.loaded.sha256,
-        "readings": readings,
-        "text": text,
-    }
-
-
 def _result(task: IdentificationTask, head: Json, results: Results, files: Path) -> Result:
-    """Numbers, tables and figures, and the best plant's configuration as a file."""
-    loaded = task.loaded
+    """Numbers, tables and figures, and the best plants' configurations as files."""
     searches = [results[reading.name][0] for reading in task.readings]
-    _write_plants(files, results, nearest_search(searches)["name"], head, task)
-    other = task.goal.of_paper and not base_of_paper(loaded.compare)
+    nearest = report.nearest_search(searches)["name"]
+    paths = [(files / report.PLANTS / f"{name}.yaml", name) for name in results]
+    for path, name in [*paths, (files / report.CONFIG, nearest)]:
+        reading, best = results[name]
+        report.write_config(path, best, task.bench.space, task.goal, reading)
+    other = task.goal.of_paper and not base_of_paper(task.loaded.compare)
     remarks = [OTHER_BASE] if other else []
     return report.identification_result(head, searches, task.goal, task.bench.space.within, remarks)
-
-
-def _write_plants(folder: Path, results: Results, first: str, head: Json, task: IdentificationTask) -> None:
-    """The best plant under each reading as a configuration, and the best of all, that of the `first`."""
-    paths = [(folder / report.PLANTS / f"{name}.yaml", name) for name in results]
-    for path, name in [*paths, (folder / report.CONFIG, first)]:
-        reading, best = results[name]
-        report.write_config(path, best, task.bench.space, task.goal, head, reading)
 
 
 def _named(readings: str, loaded: LoadedEnsemble) -> tuple[Reading, ...]:
@@ -279,13 +256,6 @@ def _named(readings: str, loaded: LoadedEnsemble) -> tuple[Reading, ...]:
     return readings_on(
         loaded, ",".join(reading.name for reading in every if not (listed and draws_rows(reading)))
     )
-
-
-def check_at_least_one(**options: int) -> None:
-    """Refuse an option below 1, or a UsageError."""
-    for option, value in options.items():
-        if value < 1:
-            raise UsageError(f"must be at least 1, found {value}", where=f"--{option}")
 
 
 def _searches(task: IdentificationTask, states: Path, jobs: int, talk: Talk) -> Results:
@@ -307,34 +277,12 @@ def _searches(task: IdentificationTask, states: Path, jobs: int, talk: Talk) -> 
     return results
 
 
-@dataclass(frozen=True)
-class _Found:
-    """What a search ends with.
+class _End(NamedTuple):
+    """What a search ends with: a row of the answer, and points (N, P) by medians (N,) of their repeats."""
 
-    The lowest misfit that it saw, its points (N, P) by the `medians` (N,) of their repeats, and more repeats
-    of the first.
-    """
-
-    name: str
-    seen: float
+    row: Json
     points: Array
     medians: Array
-    repeats: Repeats
-
-    @property
-    def misfit(self) -> float:
-        return float(self.repeats.median[0])
-
-    def as_data(self, goal: Goal) -> Json:
-        low, high = np.quantile(self.repeats.misfits, (0.25, 0.75)).tolist()
-        return {
-            "search": self.name,
-            "misfit_log": self.misfit,
-            "low": low,
-            "high": high,
-            "in_order": float(self.repeats.ordered.mean()) if len(goal.compared) > 1 else None,
-            "seen": self.seen,
-        }
 
 
 def _searched(
@@ -358,12 +306,12 @@ def _searched(
         search(starts, free, smooth, look, task.seed)
         ends.append(_repeated(name, [draws.seen, look.seen], bench, case, task, told))
         seen.append(look.seen)
-    ends.sort(key=lambda end: end.misfit)
-    everything = (
-        np.concatenate([points for points, _ in seen]),
-        np.concatenate([misfits for _, misfits in seen]),
-    )
-    return {reading.name: _reading_data(task, bench, case, reading, ends, everything) for reading in readings}
+    ends.sort(key=lambda end: end.row["misfit_log"])
+    points, misfits = (np.concatenate(parts) for parts in zip(*seen, strict=True))
+    return {
+        reading.name: _reading_data(task, bench, case, reading, ends, (points, misfits))
+        for reading in readings
+    }
 
 
 def _repeated(
@@ -373,16 +321,18 @@ def _repeated(
     case: Reading,
     task: IdentificationTask,
     told: Callable[[int], None],
-) -> _Found:
+) -> _End:
     """Repeat the nearest points of a search: one that came near by luck does so once."""
     points, misfits = (np.concatenate(parts) for parts in zip(*seen, strict=True))
     points, first = np.unique(points, axis=0, return_index=True)
     order = np.argsort(misfits[first], kind="stable")
     points, misfits = points[order], misfits[first][order]
 
+    goal = task.goal.sought
+
     def repeated(nearest: Array, count: int, stage: int) -> Repeats:
         told(len(nearest) * count)
-        return bench.repeated(bench.box.values(nearest), case, task.goal.sought, count, [task.seed, stage])
+        return bench.repeated(bench.box.values(nearest), case, goal, count, [task.seed, stage])
 
     (at_once, count), most = TRIED, min(len(points), max(task.budget // TRIED[1], 1))
     medians = np.empty(0)
@@ -395,7 +345,16 @@ def _repeated(
     order = np.argsort(medians, kind="stable")
     points, medians = points[order], medians[order]
     repeats = repeated(points[:1], REPEATS, len(misfits) + 1)
-    return _Found(name, float(misfits[0]), points, medians, repeats)
+    low, high = np.quantile(repeats.misfits, (0.25, 0.75)).tolist()
+    row = {
+        "search": name,
+        "misfit_log": float(repeats.median[0]),
+        "low": low,
+        "high": high,
+        "in_order": float(repeats.ordered.mean()) if len(goal.compared) > 1 else None,
+        "seen": float(misfits[0]),
+    }
+    return _End(row, points, medians)
 
 
 def _named_rows(text: str, box: Population) -> tuple[str, ...]:
@@ -417,28 +376,28 @@ def _reading_data(
     bench: Bench,
     case: Reading,
     reading: Reading,
-    ends: Sequence[_Found],
+    ends: Sequence[_End],
     seen: tuple[Array, Array],
 ) -> tuple[SearchAnswer, CompareConfig]:
     """Values of one reading, and its best plant."""
-    nearest = ends[0]
-    limit = max(NEAR, 2.0 * nearest.misfit)
+    nearest, misfit = ends[0], ends[0].row["misfit_log"]
+    limit = max(NEAR, 2.0 * misfit)
     units = np.vstack([nearest.points[:1], *(end.points[end.medians <= limit] for end in ends)])
     goal, config = task.goal, bench.config(units[0], reading)
     ours, shown = bench.measure(bench.box.values(units), reading, goal.runs), bench.space.shown(config)
     of_runs = [goal.runs.index(run) for run in task.fitted]
     near = np.vstack([nearest.points[:1], seen[0][seen[1] <= limit]])
-    known = report.known_rows(bench.box, near, goal.numbers, fits=nearest.misfit <= NEAR)
+    known = report.known_rows(bench.box, near, goal.numbers, fits=misfit <= NEAR)
     for row in known:
         if row["name"] in shown:
             row["value"], row["value_unit"] = shown[row["name"]]
     data: SearchAnswer = {
         "name": reading.name,
         "search": case.name,
-        "misfit_log": nearest.misfit,
+        "misfit_log": misfit,
         "misfit_rounding": rounding_misfit(ours.sizes[0, of_runs], goal.sought),
-        "fits": nearest.misfit <= NEAR,
-        "searches": [end.as_data(goal.sought) for end in ends],
+        "fits": misfit <= NEAR,
+        "searches": [end.row for end in ends],
         "near_limit": limit,
         "near_count": len(units) - 1,
         "rows_searched": [row.name for row in bench.box.rows if row.free],

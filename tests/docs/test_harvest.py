@@ -3,9 +3,16 @@
 import importlib
 import json
 import math
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from support.pages import DOCS, NEEDS_DOCS
+
+from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.published import METRICS, published
+from tendonrepro.identification.goal import printed_numbers
+from tendonrepro.physics.metrics import STATUSES
 
 pytestmark = NEEDS_DOCS
 BUDGET = {"budget": 600, "draws": 300, "evaluations": 1952, "rows": []}
@@ -162,3 +169,19 @@ def test_a_group_of_made_up_papers_has_its_lowest_and_highest_rate(generate):
     cells = [generate.extent(group, "false_contradicted") for _, group in found["papers"]]
     assert cells == ["1 %", "3 %", "2 to 26 %", "10 %", "100 %"]
     assert found["unsaid"] == 0.26
+
+
+def test_the_nearest_draws_of_an_ensemble_are_ones_that_end_well(harvest):
+    """Beside each search stands how near the draws come without one; every fourth diverges here."""
+    goal = printed_numbers(published(), (2, 3))
+    draws = np.random.default_rng(5).random((80, 7))
+    sizes = np.exp(draws[:, :1, np.newaxis, np.newaxis]) * goal.values
+    diverged = np.arange(80) % 4 == 0
+    ensemble = SimpleNamespace(
+        draws=draws,
+        statistic=lambda run, _, name: np.deg2rad(sizes[:, RUNS.index(run), METRICS.index(name)]),
+        status=lambda run, _: np.where(diverged & (run == RUNS[-1]), STATUSES.index("diverged"), 0),
+    )
+    nearest = harvest.nearest_draws(ensemble, goal, "printed")
+    stable = draws[~diverged]
+    np.testing.assert_array_equal(nearest, stable[np.argsort(stable[:, 0])][: harvest.NEAREST])

@@ -7,19 +7,24 @@ from support.made_plants import PRINTED, RINGING, loaded, plants
 from tendonrepro.configuration.published import published
 from tendonrepro.identification.figures import draw_numbers
 from tendonrepro.identification.goal import printed_numbers
-from tendonrepro.identification.misfit import Simulated
 from tendonrepro.identification.report import number_rows, parameter_rows, shape_rows
 from tendonrepro.monte_carlo.population import population_of
 
 
-def test_numbers_of_the_first_plant_and_the_range_of_all():
-    near = plants()
-    rows = number_rows(near, printed_numbers(published(), (2, 3), "controller_2"))
+def test_numbers_of_the_first_plant_and_the_range_of_all_whose_run_is_ok():
+    near, goal = plants(), printed_numbers(published(), (2, 3), "controller_2")
+    status = near.status.copy()
+    status[10:, 0] = RINGING
+    near = near._replace(status=status)
+    rows = number_rows(near, goal)
     assert [row["fitted"] for row in rows].count(True) == 4
     sizes = near.sizes.reshape(len(near.sizes), -1)
     np.testing.assert_array_equal([row["ours_deg"] for row in rows], sizes[0])
-    np.testing.assert_array_equal([row["lowest_deg"] for row in rows], sizes.min(axis=0))
     np.testing.assert_allclose([row["ratio"] for row in rows], sizes[0] / PRINTED.values.ravel())
+    np.testing.assert_array_equal([row["lowest_deg"] for row in rows[4:]], sizes[:, 4:].min(axis=0))
+    assert rows[0]["highest_deg"] == sizes[:10, 0].max()
+    status[:, 0] = RINGING
+    assert np.isnan(number_rows(near, goal)[0]["highest_deg"])
 
 
 def test_fitted_numbers_are_told_from_others_in_grey_print_too():
@@ -31,17 +36,6 @@ def test_fitted_numbers_are_told_from_others_in_grey_print_too():
         if line.get_marker() == "o" and len(line.get_ydata())
     }
     assert filled == {place: row["fitted"] for place, row in enumerate(rows)}
-
-
-def test_runs_that_are_not_ok_are_left_out_of_ranges():
-    near = plants()
-    status = np.zeros((200, 4), dtype=np.int8)
-    status[10:, 0] = RINGING
-    rows = number_rows(Simulated(near.sizes, status, near.lasted), PRINTED)
-    assert rows[0]["highest_deg"] == near.sizes[:10, 0, 0, 0].max()
-    status[:, 0] = RINGING
-    rows = number_rows(Simulated(near.sizes, status, near.lasted), PRINTED)
-    assert np.isnan(rows[0]["highest_deg"])
 
 
 def test_parameters_have_values_words_and_bounds():
