@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -26,17 +25,6 @@ _OF_ONE_RUN = {"out", "manifest", "created", "experiments_per_second", "resumed_
 
 _SHOWN = 20
 """Rows of a kind in the terminal; ``--json`` has all."""
-
-
-@dataclass(frozen=True)
-class _Side:
-    """What one of two results says; `numbers` are of a command that leaves no traces."""
-
-    command: str
-    config: Mapping[str, object]
-    versions: Mapping[str, object]
-    numbers: Mapping[str, object]
-    runs: Mapping[str, Trace]
 
 
 def difference(first: Path, second: Path, tolerance: float | None = None) -> dict[str, object]:
@@ -62,36 +50,34 @@ def difference(first: Path, second: Path, tolerance: float | None = None) -> dic
     DataMissingError
         Where one of them cannot be read.
     """
-    a, b = map(_side, (first, second))
-    versions = list(_unequal(a.versions, b.versions))
+    (a, runs), (b, others) = map(_side, (first, second))
+    rows = {kind: list(_unequal(a[kind], b[kind])) for kind in ("command", "config", "versions", "runs")}
     if tolerance is None:
-        tolerance = BETWEEN_VERSIONS if versions else 0.0
-    shared = [(a.runs[name], b.runs[name]) for name in a.runs if name in b.runs]
-    statuses = [{name: trace.status for name, trace in side.runs.items()} for side in (a, b)]
-    rows = {
-        "command": list(_unequal({"command": a.command}, {"command": b.command})),
-        "config": list(_unequal(a.config, b.config)),
-        "versions": versions,
-        "runs": list(_unequal(statuses[0], statuses[1])),
-        "metrics": [row for pair in shared for row in _metrics(*pair, tolerance)],
-        "traces": [row for pair in shared for row in _traces(*pair, tolerance)],
-        "numbers": list(_unequal(a.numbers, b.numbers, tolerance)) if a.command == b.command else [],
-    }
+        tolerance = BETWEEN_VERSIONS if rows["versions"] else 0.0
+    shared = [(trace, others[name]) for name, trace in runs.items() if name in others]
+    rows["metrics"] = [row for pair in shared for row in _metrics(*pair, tolerance)]
+    rows["traces"] = [row for pair in shared for row in _traces(*pair, tolerance)]
+    rows["numbers"] = [] if rows["command"] else list(_unequal(a["numbers"], b["numbers"], tolerance))
     about = {"first": str(first), "second": str(second), "tolerance": tolerance}
     return {"schema_version": 1, **about, "same": not any(rows.values())} | rows
 
 
-def _side(path: Path) -> _Side:
+def _side(path: Path) -> tuple[Mapping[str, Mapping[str, object]], Mapping[str, Trace]]:
+    """What a result says, by kind and key, and its runs; numbers are of one that leaves no traces."""
     if path.is_dir() and not (path / TRACES).exists():
         manifest = result_manifest(path)
-        of_run, command = manifest["config"], str(manifest.get("command", ""))
-        # It covers more than the tree: of an ensemble its box, of a validation the measured file.
-        config = {"sha256": of_run["sha256"], **dict(_values(of_run.get("tree", {})))}
-        numbers = {key: value for key, value in numbers_in(path, manifest).items() if key != "config"}
-        return _Side(command, config, _versions(manifest), dict(_values(numbers)), {})
-    file = read_traces(path)
-    tree = load(file.config_yaml, "config_yaml")
-    return _Side(file.experiment, dict(_values(tree)), _versions(file.manifest), {}, file.runs)
+        runs: Mapping[str, Trace] = {}
+        # The digest covers more than the tree: of an ensemble its box, of a validation the measured file.
+        tree = {"sha256": manifest["config"]["sha256"], **manifest["config"].get("tree", {})}
+        numbers, command = numbers_in(path, manifest), manifest.get("command", "")
+        numbers.pop("config", None)
+    else:
+        file = read_traces(path)
+        manifest, runs, command, numbers = file.manifest, file.runs, file.experiment, {}
+        tree = load(file.config_yaml, "config_yaml")
+    said = {"command": {"command": command}, "config": dict(_values(tree)), "numbers": dict(_values(numbers))}
+    statuses = {name: trace.status for name, trace in runs.items()}
+    return {**said, "versions": _versions(manifest), "runs": statuses}, runs
 
 
 def _versions(manifest: Json) -> dict[str, object]:
@@ -140,13 +126,14 @@ def _apart(first: Array, second: Array, room: Array | float) -> NDArray[np.bool_
 
 
 def _metrics(first: Trace, second: Trace, tolerance: float) -> Iterator[dict[str, object]]:
-    if "e" in first and "e" in second and first.joint == second.joint:
-        a, b = (tracking_errors(trace)["whole"] for trace in (first, second))
-        for name in a:
-            for joint, x, y in zip(first.joint, a[name].tolist(), b[name].tolist(), strict=True):
-                if not _near(x, y, tolerance):
-                    row = {"run": first.name, "joint": joint, "metric": f"{name}_deg"}
-                    yield row | {"first": x, "second": y}
+    if "e" not in first or "e" not in second or first.joint != second.joint:
+        return
+    a, b = (tracking_errors(trace)["whole"] for trace in (first, second))
+    for name in a:
+        for joint, x, y in zip(first.joint, a[name].tolist(), b[name].tolist(), strict=True):
+            if not _near(x, y, tolerance):
+                row = {"run": first.name, "joint": joint, "metric": f"{name}_deg"}
+                yield row | {"first": x, "second": y}
 
 
 def _traces(first: Trace, second: Trace, tolerance: float) -> Iterator[dict[str, object]]:

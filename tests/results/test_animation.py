@@ -14,6 +14,7 @@ from tendonrepro.console import QUIET
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.results.figures.arm import MOST_PICTURES, animate, draw_scene, scene_of
 from tendonrepro.results.figures.style import journal_style
+from tendonrepro.results.paper import origin_of
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.traces import write_traces
 
@@ -116,6 +117,7 @@ def test_a_film_moves_and_is_made_again_byte_by_byte(stored):
     animate(stored, QUIET, speed=45.0, force=True)
     assert path.read_bytes() == before
     with Image.open(path) as film:
+        assert film.info["comment"].decode() == origin_of(compare_file())
         pictures = []
         for place in range(film.n_frames):
             film.seek(place)

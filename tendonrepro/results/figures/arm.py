@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.animation import FuncAnimation, PillowWriter
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
+from PIL import Image
 
 from tendonrepro.arrays import Array
 from tendonrepro.console import Talk
@@ -83,10 +83,19 @@ def animate(
     if target.suffix != ".gif":
         raise UsageError(f"a film ends in .gif, found {target.name!r}", where="--out")
     refuse_existing(target, force=force, inputs=[source])
-    with journal_style(), talk.bar(f"{name}: pictures", len(places)) as advance, atomic_path(target) as path:
+    film = []
+    with journal_style(), talk.bar(f"{name}: pictures", len(places)) as advance:
         figure, show = draw_scene(scene, origin_of(file))
-        film = FuncAnimation(figure, show, frames=places, cache_frame_data=False)
-        film.save(path, PillowWriter(RATE), dpi=_DPI, progress_callback=lambda *_: advance(1))
+        figure.set_dpi(_DPI)
+        canvas: Any = figure.canvas
+        for place in places:
+            show(place)
+            canvas.draw()
+            film.append(Image.fromarray(np.array(canvas.buffer_rgba())).convert("RGB"))
+            advance(1)
+    look = {"save_all": True, "append_images": film[1:], "duration": 1000 // RATE, "loop": 0}
+    with atomic_path(target) as temporary:
+        film[0].save(temporary, "GIF", comment=origin_of(file).encode(errors="backslashreplace"), **look)
     return {"schema_version": 1, "files": [str(target)], "run": name, "pictures": len(places)}
 
 
@@ -143,7 +152,7 @@ def scene_of(file: TraceFile, name: str | None = None) -> Scene:
     return Scene(trace, joints, paths, tension)
 
 
-def draw_scene(scene: Scene, origin: str) -> tuple[Figure, Callable[[int], list[Artist]]]:
+def draw_scene(scene: Scene, origin: str) -> tuple[Figure, Callable[[int], None]]:
     """Draw a scene, and return what brings it to one of its samples."""
     figure = open_figure(PAGE_MM, 90.0)
     panels = figure.subplot_mosaic([["arm", "q_encoder"], ["arm", "e"]], width_ratios=(1.35, 1.0))
@@ -166,7 +175,7 @@ def draw_scene(scene: Scene, origin: str) -> tuple[Figure, Callable[[int], list[
     panels["e"].set_xlabel("Time (s)")
     imprint(figure, origin)
 
-    def show(place: int) -> list[Artist]:
+    def show(place: int) -> None:
         arm.set_title(f"Run {scene.trace.name}, t = {time[place]:.2f} s")
         links.set_data(*scene.joints[place].T)
         centres = [centre for path in scene.paths for centre in path.centre[place]]
@@ -177,7 +186,6 @@ def draw_scene(scene: Scene, origin: str) -> tuple[Figure, Callable[[int], list[
             line.set(color=colours.to_rgba(force))
         for cursor in cursors:
             cursor.set_xdata([time[place]] * 2)
-        return []
 
     show(0)
     settle(figure)
