@@ -143,7 +143,6 @@ def test_a_study_opened_again_is_saved_with_the_figures_that_it_has(tmp_path: Pa
     files = {"statics.json", "figures/statics.png", "figures/statics.txt"}
     cases: list[tuple[dict[str, Any], set[str], list[str]]] = [
         ({}, files, ["png"]),
-        ({"formats": "png"}, files, ["png"]),
         ({"figures": False}, {"statics.json"}, []),
     ]
     for options, kept, formats in cases:
@@ -153,8 +152,8 @@ def test_a_study_opened_again_is_saved_with_the_figures_that_it_has(tmp_path: Pa
         again = tr.open(folder).save(tmp_path / f"again{len(options)}{len(kept)}")
         assert read_manifest(again)["outputs"].keys() == kept
     with pytest.raises(UsageError):
-        opened.save(tmp_path / "pdf", formats="pdf")
-    assert not (tmp_path / "pdf").exists()
+        opened.save(tmp_path / "png", formats="png")
+    assert not (tmp_path / "png").exists()
 
 
 def test_a_plain_script_needs_no_main_guard(tmp_path: Path) -> None:

@@ -178,7 +178,7 @@ def animate(
 @command(RESULT, Example("reports/compare", "mat"))
 def export(
     file: Traces,
-    form: Annotated[str, Word(option="--format")] = "csv",
+    form: Annotated[Literal["csv", "parquet", "mat"], Word(option="--format")] = "csv",
     out: Path | str | None = None,
     *,
     force: Overwrite = False,

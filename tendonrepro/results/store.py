@@ -97,7 +97,8 @@ def replaced(
         folder.mkdir(parents=True, exist_ok=True)
         with locked(folder / _LOCK, folder):
             _settle(folder)
-            _begin(folder, keep)
+            partial.mkdir(exist_ok=True)
+            _clear(partial, keep)
             try:
                 refuse_others(folder, digest, command=command, force=force)
                 result = NewResult(partial)
@@ -117,17 +118,6 @@ def replaced(
         if is_new:
             with suppress(OSError):
                 folder.rmdir()
-
-
-def _begin(folder: Path, keep: str) -> None:
-    """Begin with what an interruption must not lose, and nothing else."""
-    partial = folder / PARTIAL
-    # Versions before 28 November 2026 made results beside their folder.
-    beside = folder.resolve().with_name(f".{folder.resolve().name}.partial")
-    if (beside / keep).is_dir() and keep and not partial.exists():
-        beside.rename(partial)
-    partial.mkdir(exist_ok=True)
-    _clear(partial, keep)
 
 
 def _leave(partial: Path, keep: str, talk: Talk) -> None:

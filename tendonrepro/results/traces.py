@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.errors import DataMissingError, UsageError, did_you_mean, nearest
+from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import atomic_path, refuse_existing, require_space, to_json, write_atomically
 from tendonrepro.results.records import (
     RESERVED,
@@ -33,11 +33,7 @@ if TYPE_CHECKING:
 
 TRACES = "traces.h5"
 """Name of the trace file in a results folder."""
-_THE_WAY = "run tendonrepro compare or tendonrepro decouple to make one"
-_SIGNATURE = b"\x89HDF\r\n\x1a\n"
-"""First bytes of an HDF5 file."""
-_OTHERS = {".yaml", ".yml", ".json", ".md", ".tex", ".html", ".png", ".pdf", ".svg"}
-"""Endings of files that hold no samples."""
+
 
 # netCDF attributes do not nest, so mappings among a run's are stored flat.
 _NESTED = {"gains": "gain_", "readings": "reading_"}
@@ -145,7 +141,14 @@ def read_traces(source: Path) -> TraceFile:
     import h5netcdf
 
     path = source / TRACES if source.is_dir() else source
-    _refuse_other(source, path)
+    if not path.is_file():
+        within = [inner.parent.name for inner in sorted(source.glob(f"[!.]*/{TRACES}"))]
+        hint = (
+            f"name one of the folders in it: {', '.join(within)}"
+            if within
+            else "compare and decouple make one"
+        )
+        raise DataMissingError("there is no such trace file", where=str(path), hint=hint)
     try:
         # Files take their places whole, so none is read while it is written; some file systems have no locks.
         with h5netcdf.File(path, "r", locking=False) as root:
@@ -155,35 +158,6 @@ def read_traces(source: Path) -> TraceFile:
         message = f"is not a sound trace file of tendonrepro: {error}"
         hint = "make it again by tendonrepro compare, decouple, or ingest of measured files"
         raise DataMissingError(message, where=str(path), hint=hint) from error
-
-
-def _refuse_other(source: Path, path: Path) -> None:
-    """Refuse what is no trace file, and name what may be meant."""
-    if source.is_dir() and not path.is_file():
-        within = [inner.parent.name for inner in sorted(source.glob(f"[!.]*/{TRACES}"))]
-        hint = f"name one of the folders in it: {', '.join(within)}" if within else _THE_WAY
-        raise DataMissingError(f"holds no {TRACES}", where=str(source), hint=hint)
-    if not path.is_file():
-        raise DataMissingError("there is no such file or folder", where=str(path), hint=_near(path))
-    with path.open("rb") as stream:
-        is_hdf5 = stream.read(len(_SIGNATURE)) == _SIGNATURE
-    # What is named as one but damaged is told by its reader.
-    if is_hdf5 or path.suffix == Path(TRACES).suffix:
-        return
-    hint = f"name a results folder or its {TRACES}"
-    if path.suffix not in _OTHERS:
-        hint = f"{hint}; tendonrepro data inspect and ingest make one of measured files"
-    raise DataMissingError("is no trace file", where=str(path), hint=hint)
-
-
-def _near(path: Path) -> str:
-    """The file or folder that was probably meant, else how to make one."""
-    below = Path("reports") / path
-    if below.exists():
-        return f"did you mean {str(below)!r}?"
-    names = [other.name for other in path.parent.iterdir()] if path.parent.is_dir() else []
-    meant = nearest(path.name, names)
-    return _THE_WAY if meant is None else f"did you mean {str(path.with_name(meant))!r}?"
 
 
 def _file_of(root: h5netcdf.File) -> TraceFile:
@@ -249,19 +223,14 @@ def export_traces(source: Path, form: str, out: Path | None = None, *, force: bo
     DataMissingError
         If the trace file cannot be read.
     UsageError
-        For a format that is unknown or lacks its library, and a file that is there.
+        For a format that lacks its library, and a file that is there.
     """
-    if form not in _WRITERS:
-        message = f"must be one of {', '.join(_WRITERS)}, found {form!r}{did_you_mean(form, _WRITERS)}"
-        raise UsageError(message, where="--format")
     if out is not None and out.suffix != f".{form}":
         message = f"a file of the format {form} ends in .{form}, found {str(out)!r}"
         raise UsageError(message, where="--out")
-    path = source / TRACES if source.is_dir() else source
-    _refuse_other(source, path)
+    file, path = read_traces(source), source / TRACES if source.is_dir() else source
     target = out or path.with_suffix(f".{form}")
     refuse_existing(target, force=force, inputs=[path])
-    file = read_traces(source)
     with atomic_path(target) as temporary:
         _WRITERS[form](file, temporary)
     return target

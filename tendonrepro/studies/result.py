@@ -6,7 +6,7 @@ import html
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from tendonrepro.console import count_of
@@ -220,20 +220,23 @@ class Result:
         Parameters
         ----------
         formats : str or sequence of str, optional
-            Of figures, ``png``, ``pdf`` or ``svg``; else PNG and PDF. Of a command that wrote its own folder
-            those that it drew.
+            Of figures, ``png``, ``pdf`` or ``svg``; else PNG and PDF. A result that lies in a folder keeps
+            those that it has.
         figures : bool
-            Whether to draw any.
+            Whether to draw or keep any.
 
         Raises
         ------
         UsageError
             When there is a file of that name, or, without `force`, a folder that holds anything else; for a
-            format that is not there.
+            format that there is not, or of a result whose figures are drawn.
         """
         kinds = formats_of(formats, figures=figures)
-        if self.folder is not None and kinds:
-            kinds = self._drawn(kinds if formats is not None else ())
+        if self.folder is not None and formats is not None:
+            message = f"figures of a stored {self.command} are not drawn again"
+            raise UsageError(
+                message, where="formats", hint=f"leave it out, or say formats= to {self.command}"
+            )
         target = Path(folder)
         with replaced(target, self.manifest["config"]["sha256"], command=self.command, force=force) as place:
             if self.folder is None:
@@ -241,27 +244,13 @@ class Result:
                 for _ in begin_drawing([(self, place.path)], kinds):
                     pass
             else:
-                self._copy(self.folder, place.path, kinds)
+                kinds = tuple(self.manifest.get("figure_formats", FORMATS)) if figures else ()
+                names = read_manifest(self.folder)["outputs"]
+                take_over(
+                    self.folder, place.path, (n for n in names if figures or not n.startswith("figures/"))
+                )
             place.manifest = self.manifest | figure_formats(kinds)
         return target
-
-    def _drawn(self, asked: Sequence[str]) -> tuple[str, ...]:
-        """Formats that lie in the result's folder: those that are asked for, else all."""
-        drawn = self.manifest.get("figure_formats", FORMATS)
-        for name in asked:
-            if name not in drawn:
-                message = f"{self.command} drew its figures as {', '.join(drawn) or 'no files'}, not {name}"
-                raise UsageError(message, where="formats", hint=f"say formats= to {self.command}")
-        return tuple(asked or drawn)
-
-    @staticmethod
-    def _copy(folder: Path, target: Path, formats: Sequence[str]) -> None:
-        """Copy the files of a result, of its figures those in some formats."""
-        # A caption belongs to its figure, in whatever format that is.
-        figures = {*formats, "txt"} if formats else set()
-        names = map(PurePosixPath, read_manifest(folder)["outputs"])
-        kept = (n for n in names if n.parts[0] != "figures" or n.suffix.removeprefix(".") in figures)
-        take_over(folder, target, map(str, kept))
 
     def __repr__(self) -> str:
         runs = f", {count_of(len(self), 'run')}" if self.traces else ""

@@ -291,31 +291,14 @@ def test_errors_are_compared_with_another_run_where_controller_2_is_not_there_to
         {"runs": ("controller_1",)},
         {"diverged": {"controller_1": 4.0, "controller_2": 5.0, "controller_3": 6.0}},
         {"without": ("e",)},
+        {"source": "measured"},
     ],
-    ids=["one run", "all diverged", "no errors"],
+    ids=["one run", "all diverged", "no errors", "logs of other times"],
 )
 def test_there_is_no_panel_of_differences_where_there_are_none(held: dict[str, Any]) -> None:
     artists = draw(14, make_compare_file(step=0.05, **held))
     assert [*artists.axes] == [*"abcd"]
     assert "difference" not in artists.caption
-
-
-def test_measured_errors_are_compared_at_the_same_times_of_the_same_motion() -> None:
-    """Logs have times and gaps of their own, and may begin elsewhere in the motion."""
-    file = make_compare_file(source="measured")
-    second = file.runs["controller_2"]
-    e = second["e"].copy()
-    e[300:400] = np.nan
-    kept = slice(100, -100, 3)
-    variables = {name: value[kept] for name, value in (second.variables | {"e": e}).items()}
-    sparse = replace(second, time=second.time[kept], variables=variables)
-    line = draw(14, with_runs(file, controller_2=sparse)).lines["e", "Controller 1 less that of Controller 2"]
-    times = np.asarray(line.get_xdata())
-    assert (times[0], times[-1]) == pytest.approx((1.0, 17.0), abs=0.03)
-    assert not ((times > 3.05) & (times < 3.95)).any()
-    later = replace(sparse, time=sparse.time - sparse.time[0])
-    names = {name for _, name in draw(14, with_runs(file, controller_2=later)).lines}
-    assert not [name for name in names if " less " in name]
 
 
 def test_motor_angles_come_from_the_coupling_matrix() -> None:

@@ -392,16 +392,6 @@ def test_an_interrupted_study_goes_on_and_where_it_lies_is_said(
     assert not (folder / PARTIAL).exists()
 
 
-def test_a_study_that_an_earlier_version_began_beside_its_folder_goes_on(tmp_path: Path) -> None:
-    beside = tmp_path / ".mine.partial" / "shards"
-    beside.mkdir(parents=True)
-    (beside / "0").write_text("begun")
-    with replaced(tmp_path / "mine", "a", command="compare", keep="shards") as result:
-        assert files(result.path) == {"shards/0": "begun"}
-        result.manifest = {"config": {"sha256": "a"}}
-    assert files(tmp_path) == {"mine/shards/0": "begun"}
-
-
 def test_an_update_leaves_what_it_does_not_make(folder: Path) -> None:
     with replaced(folder, "a", command="compare", update=True) as result:
         result.write("numbers.json", "redrawn")

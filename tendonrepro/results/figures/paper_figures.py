@@ -67,8 +67,6 @@ _ANGLES = {"q_motor_encoder": "Motor", "q_encoder": "Joint"}
 _WIDE_PANELS = 3
 # Largest share of an error's RMS that may come and go within a mean's window for it to be drawn raw.
 _FUZZY = 0.1
-# Largest difference of two desired motions, as a share of the error, at which errors are compared over time.
-_SAME_MOTION = 0.1
 # Free space above and below a motion, as a share of its range, so that equal motions have equal axes.
 _ROOM = 0.04
 _BANDS = f"mean over {MEAN_WINDOW * 1e3:g} ms ± RMS of the samples about it; grey: shared by all"
@@ -337,7 +335,9 @@ def _tracking(file: TraceFile, runs: list[DrawnRun], base: DrawnRun | None, whos
     joints = joints_of(runs)
     # All errors are drawn in one way, so that panels can be compared.
     averaged = any(_is_fuzzy(run, joint) for joint in joints for run in that_hold(runs, "e", joint))
-    larger = {joint: _larger(runs, base, joint) for joint in joints} if base else {}
+    # Simulated runs follow one motion and have their samples in common; logs may not.
+    comparable = base if file.source == "simulated" else None
+    larger = {joint: _larger(runs, comparable, joint) for joint in joints} if comparable else {}
     compared = any(larger.values())
     rows = _TRACKING | ({_LARGER: f"$|e|$ less that\n{whose} (deg)"} if compared else {})
     sheet = Sheet(PAGE_MM, 145.0 if compared else 110.0, _labels(rows, joints))
@@ -366,27 +366,16 @@ def _tracking(file: TraceFile, runs: list[DrawnRun], base: DrawnRun | None, whos
 
 
 def _larger(runs: list[DrawnRun], base: DrawnRun, joint: int) -> list[tuple[DrawnRun, Array, Array]]:
-    """Times, s, and mean of ``|e|`` less that of `base`, deg, of each run that can be compared with it."""
+    """Times, s, and mean of ``|e|`` less that of `base`, deg, of each other run."""
     differences = []
     for run in that_hold(runs, "e", joint) if that_hold([base], "e", joint) else ():
-        time, whole = run.trace.time, base.trace.time
-        both = (time >= whole[0]) & (time <= whole[-1])
-        time, e, e_base = time[both], run.values("e", joint)[both], base.values("e", joint)
-        if run is base or not both.any() or _moved_otherwise(run, base, joint, both):
-            continue
-        time, mean, _ = averaged_curve(time, np.abs(e) - np.abs(np.interp(time, whole, e_base)))
-        if len(time):
+        # A diverged one ends before.
+        both = min(len(run.trace.time), len(base.trace.time))
+        e, e_base = (np.abs(drawn.values("e", joint)[:both]) for drawn in (run, base))
+        time, mean, _ = averaged_curve(run.trace.time[:both], e - e_base)
+        if run is not base:
             differences.append((run, time, mean))
     return differences
-
-
-def _moved_otherwise(run: DrawnRun, base: DrawnRun, joint: int, both: Array) -> bool:
-    """Whether two runs follow motions so different that errors at one time are no pair, as of two logs."""
-    if len(that_hold([run, base], "q_d", joint)) < 2:
-        return False
-    there = np.interp(run.trace.time[both], base.trace.time, base.values("q_d", joint))
-    apart = rmse(run.values("q_d", joint)[both] - there)
-    return bool(apart > _SAME_MOTION * rmse(base.values("e", joint)))
 
 
 def _is_fuzzy(run: DrawnRun, joint: int) -> bool:

@@ -5,8 +5,7 @@ A figure is drawn under `journal_style`, from `open_figure` to a `Drawing`; the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from io import BytesIO
@@ -20,10 +19,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
-from matplotlib.font_manager import fontManager
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
-from matplotlib.text import Text
 
 from tendonrepro import __version__
 from tendonrepro.configuration.models.control import FIRST, LOADED, SECOND, THIRD
@@ -210,14 +207,13 @@ def save_drawing(drawn: Drawing, folder: Path, formats: Sequence[str] = DRAWN) -
         if drawn.origin and not drawn.figure.get_supxlabel():
             imprint(drawn.figure, drawn.origin)
         settle(drawn.figure)
-        with thinned_fonts(drawn.figure) if "pdf" in formats else nullcontext():
-            for path, suffix in zip(paths, formats, strict=True):
-                # Made in memory: the writer of PDF does not survive a full disk.
-                image = BytesIO()
-                # The usual level, 6, takes twice the time for a tenth of the size.
-                options: Look = {"pil_kwargs": {"compress_level": 3}} if suffix == "png" else {}
-                drawn.figure.savefig(image, format=suffix, metadata=metadata[suffix], **options)
-                write_atomically(path, image.getvalue())
+        for path, suffix in zip(paths, formats, strict=True):
+            # Made in memory: the writer of PDF does not survive a full disk.
+            image = BytesIO()
+            # The usual level, 6, takes twice the time for a tenth of the size.
+            options: Look = {"pil_kwargs": {"compress_level": 3}} if suffix == "png" else {}
+            drawn.figure.savefig(image, format=suffix, metadata=metadata[suffix], **options)
+            write_atomically(path, image.getvalue())
     told = folder / f"{drawn.stem}.txt"
     write_atomically(told, "\n\n".join(about(drawn)) + "\n")
     return [*paths, told]
@@ -233,35 +229,3 @@ def about(drawn: Drawing) -> list[str]:
     """Paragraphs of the text beside a figure: the caption, and what made the figure."""
     origin = f"{drawn.origin}; " if drawn.origin else ""
     return [drawn.caption, f"{origin}drawn by tendonrepro {__version__}."]
-
-
-FONTS = sorted(Path(__file__).with_name("fonts").glob("*.ttf"))
-"""Fonts for PDF: matplotlib's own, thinned to the letters that figures have; `fonts/README.md` says how."""
-
-LETTERS = (range(0x20, 0x300), range(0x370, 0x530), range(0x2000, 0x2300))
-"""Characters that the thinned fonts draw, as far as the whole ones do.
-
-They hold marks between 0x300 and 0x370 too, for hats in formulas, but cannot place them over letters."""
-
-
-@contextmanager
-def thinned_fonts(figure: Figure) -> Iterator[None]:
-    """Let matplotlib find the thinned fonts first while a block writes a figure.
-
-    Where the figure has other letters, as in the name of a user's file, the whole fonts serve.
-    """
-    letters = set().union(*(text.get_text() for text in figure.findobj(Text))) - {"\n"}
-    if not all(any(ord(letter) in subset for subset in LETTERS) for letter in letters):
-        yield
-        return
-    whole = fontManager.ttflist
-    fontManager.ttflist = []
-    for path in FONTS:
-        fontManager.addfont(path)
-    fontManager.ttflist += whole
-    try:
-        yield
-    finally:
-        # Matplotlib remembers what it found; adding a font makes it look again.
-        fontManager.addfont(FONTS[0])
-        fontManager.ttflist = whole
