@@ -37,7 +37,7 @@ OWNERS = {
     "yaml": ["configuration/strict_yaml.py"],
     "h5netcdf": ["results/traces.py"],
     "xarray": ["results/traces.py", "studies/result.py"],
-    "h5py": ["dataset/nested.py", "dataset/matlab.py"],
+    "h5py": ["dataset/formats.py", "dataset/matlab.py"],
     "pandas": [
         "dataset/tables.py",
         "dataset/text.py",

@@ -2,10 +2,10 @@
 
 =============  ==============================================================================================
 `read`         files, folders and archives; a reader for each format gives `tables`
-readers        `text`; `matlab`; `nested`, for HDF5; `formats`, for workbooks, LabVIEW and data packages
+readers        `text`; `matlab`; `formats`, for HDF5, workbooks, LabVIEW and data packages
 `guess`        what columns are, by their names (`words`) and numbers; `suggestion`, as runs of a mapping
 `mapping`      the mapping, read and checked
-`runs`         tables and a mapping become runs; `clocks` has their times
+`runs`         tables and a mapping become runs, on the clocks of their columns
 `ingestion`    what ``inspect`` and ``ingest`` do, of all these
 `motion`       the desired motion behind runs; `windows` averages errors as the printed tables may have
 `fetch`        the paper's record

@@ -12,18 +12,9 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.from_base import MOST_JOINTS
 from tendonrepro.configuration.models.control import PAYLOAD
+from tendonrepro.dataset import words
 from tendonrepro.dataset.mapping import LOOP_STEPS, UNIT, VARIABLE, Use, kind_of
 from tendonrepro.dataset.tables import Column, Columns
-from tendonrepro.dataset.words import (
-    FACTORS,
-    KINDS,
-    ROLES,
-    Meaning,
-    is_other_unit,
-    meaning_of,
-    plain_unit,
-    variable_of,
-)
 
 _OF_JOINTS = {"q_d", "q_encoder", "q_calculated", "e"}
 _MOST_RADIANS = 3.2
@@ -46,7 +37,7 @@ class Guess:
 
     table: Columns
     column: str
-    said: Meaning
+    said: words.Meaning
     says: frozenset[str]
     joint: int | None
     variable: str | None
@@ -66,10 +57,10 @@ class Guess:
                 self.variable or VARIABLE, 0 if self.variable == "time" else self.joint or 0, self.unit
             )
         # Beside an unknown word only an angle or a role is sure.
-        is_sure = not said.unknown or said.says & (KINDS | ROLES | {"angle"})
+        is_sure = not said.unknown or said.says & (words.KINDS | words.ROLES | {"angle"})
         variable = self.variable if is_sure and _fits(said.unit, self.variable) else None
         is_joint = said.joint is not None and 1 <= said.joint <= MOST_JOINTS
-        unit = said.unit if said.unit and plain_unit(said.unit) else UNIT
+        unit = said.unit if said.unit and words.plain_unit(said.unit) else UNIT
         return Use(variable or VARIABLE, self.joint or 0 if is_joint else 0, unit)
 
     @property
@@ -107,8 +98,8 @@ def with_loads_inside(tables: Sequence[Columns]) -> set[tuple[str, ...]]:
     deciding: set[tuple[str, ...]] = set()
     for table in tables:
         places = tuple(around_of(table.name))
-        loads = [any(meaning_of(_PLACE.sub("", name)).payload for name in table)]
-        loads += [bool(meaning_of(place, around=True).payload) for place in places]
+        loads = [any(words.meaning_of(_PLACE.sub("", name)).payload for name in table)]
+        loads += [bool(words.meaning_of(place, around=True).payload) for place in places]
         deciding |= {places[depth:] for depth in range(len(places) + 1) if any(loads[: depth + 1])}
     return deciding
 
@@ -119,7 +110,7 @@ def guesses_of(table: Columns, deciding: set[tuple[str, ...]]) -> list[Guess]:
     A name around the table does not tell the load of its run where a nearer one of `deciding` does.
     """
     places = around_of(table.name)
-    around = [meaning_of(part, around=True) for part in places]
+    around = [words.meaning_of(part, around=True) for part in places]
     around = [
         replace(said, payload=None) if tuple(places[depth:]) in deciding else said
         for depth, said in enumerate(around)
@@ -142,19 +133,21 @@ def guesses_of(table: Columns, deciding: set[tuple[str, ...]]) -> list[Guess]:
     return columns
 
 
-def _named(table: Columns, name: str, around: Sequence[Meaning]) -> Guess:
+def _named(table: Columns, name: str, around: Sequence[words.Meaning]) -> Guess:
     """What the name of a column says, and where it says nothing those around it."""
-    said = meaning_of(_PLACE.sub("", name))
+    said = words.meaning_of(_PLACE.sub("", name))
     place = re.search(r"\[(\d+)\]", name)
-    joint = next((words.joint for words in (said, *around) if words.joint is not None), None)
+    joint = next((near.joint for near in (said, *around) if near.joint is not None), None)
     if joint is None and place:
         joint = int(place[1])
     inside = len(around) - len(table.name.partition(":")[0].split("/"))
     says = _with_context(said, around, inside)
-    return Guess(table, name, said, says, joint, variable_of(says), _runs_of(table.name, [said, *around]))
+    return Guess(
+        table, name, said, says, joint, words.variable_of(says), _runs_of(table.name, [said, *around])
+    )
 
 
-def _number_joints(columns: Sequence[Guess], around: Sequence[Meaning]) -> None:
+def _number_joints(columns: Sequence[Guess], around: Sequence[words.Meaning]) -> None:
     """Number joints as the paper does, whose 2 and 3 a lab may count from 1 or 0, and tell of it."""
     counted = {column.joint for column in columns if column.is_known and column.variable != "time"}
     is_compared = any(said.controller for said in (*(column.said for column in columns), *around))
@@ -182,8 +175,8 @@ def _find_units(columns: Sequence[Guess], stated: str) -> None:
         if column.variable is None or not column.is_numbers:
             continue
         kind = kind_of(column.variable)
-        if kind is None or column.said.unit in FACTORS[kind]:
-            column.unit = plain_unit(column.said.unit or "") or ""
+        if kind is None or column.said.unit in words.FACTORS[kind]:
+            column.unit = words.plain_unit(column.said.unit or "") or ""
         elif kind == "time":
             column.unit, column.sized = _unit_of_times(column.values)
         elif kind == "angle":
@@ -201,7 +194,7 @@ def _unit_of_times(time: Array) -> tuple[str, str]:
     steps = np.abs(np.diff(time))
     # Rounded times repeat; times of curves that were read off go back.
     step = float(np.nanmedian(steps)) or float(np.nanmean(steps))
-    unit = next((u for u in ("s", "ms", "us", "ns") if low <= step * FACTORS["time"][u] <= high), "s")
+    unit = next((u for u in ("s", "ms", "us", "ns") if low <= step * words.FACTORS["time"][u] <= high), "s")
     return unit, "" if unit == "s" and low <= step <= high else f"no unit, step {step:.3g}"
 
 
@@ -220,10 +213,10 @@ def _take_rates(columns: Sequence[Guess]) -> None:
     """Take qd2 for a velocity where a word says measured, or beside qdd2 or a reference of joint 2."""
     for column in columns:
         match = _DERIVATIVE.search(_PLACE.sub("", column.column))
-        if not match or "desired" not in column.says or column.said.unit in FACTORS["angle"]:
+        if not match or "desired" not in column.says or column.said.unit in words.FACTORS["angle"]:
             continue
         head, symbol, number = match.groups()
-        angle = meaning_of(f"{head}{symbol}{number}")
+        angle = words.meaning_of(f"{head}{symbol}{number}")
         second = re.compile(rf"{re.escape(head)}{symbol}dd_?{number}", re.IGNORECASE)
         beside = [other.column for other in columns if second.match(other.column)] + [
             other.column
@@ -232,7 +225,7 @@ def _take_rates(columns: Sequence[Guess]) -> None:
         ]
         if beside or "measured" in angle.says:
             why = f"stands beside {quoted(beside[0])}" if beside else "is of what was measured"
-            column.variable = "dq_d" if variable_of(angle.says) == "q_d" else "dq"
+            column.variable = "dq_d" if words.variable_of(angle.says) == "q_d" else "dq"
             column.check = f"{why}, taken as a velocity; else q_d {column.joint} deg"
 
 
@@ -250,31 +243,31 @@ def _doubt_arrays(columns: Sequence[Guess]) -> None:
                 column.asked = f"one of {len(array)} columns of an array; nothing says which is which"
 
 
-def _with_context(said: Meaning, around: Sequence[Meaning], inside: int) -> frozenset[str]:
+def _with_context(said: words.Meaning, around: Sequence[words.Meaning], inside: int) -> frozenset[str]:
     """What a name says, with role and quantity of the names around if it has none.
 
     The first `inside` of these are of sheets and structs, which tell the quantity of a column with a role,
     and whether it is of motors. A file's name tells of joints' or motors' quantities alone.
     """
     own = said.says
-    wanted = ROLES | _QUANTITIES
-    if own & (KINDS - {"rate", "torque"}):
+    wanted = words.ROLES | _QUANTITIES
+    if own & (words.KINDS - {"rate", "torque"}):
         return own
-    if own & (KINDS | ROLES):
+    if own & (words.KINDS | words.ROLES):
         around = around[:inside]
-        wanted = frozenset({"motor"} if own & KINDS else _QUANTITIES)
+        wanted = frozenset({"motor"} if own & words.KINDS else _QUANTITIES)
     telling = (m.says for place, m in enumerate(around) if not m.unknown and _tells(m.says, place < inside))
     near = next((says for says in telling if says & wanted), frozenset())
-    if "joint" in own | near and own & (KINDS | ROLES):
+    if "joint" in own | near and own & (words.KINDS | words.ROLES):
         wanted -= {"motor"}
-    if said.unit in FACTORS["angle"]:
+    if said.unit in words.FACTORS["angle"]:
         wanted -= {"rate", "torque", "other"}
-    return own | (near & (wanted if own & KINDS else wanted | {"angle"}))
+    return own | (near & (wanted if own & words.KINDS else wanted | {"angle"}))
 
 
 def _tells(says: frozenset[str], is_inside: bool) -> bool:
     """Whether a name around columns tells what they are: a speed or force may be that of an experiment."""
-    return bool(says & (ROLES | {"torque", "motor"})) or is_inside or "joint" in says
+    return bool(says & (words.ROLES | {"torque", "motor"})) or is_inside or "joint" in says
 
 
 def _problem(column: Guess) -> str:
@@ -282,7 +275,7 @@ def _problem(column: Guess) -> str:
     said, variable = column.said, column.variable
     if not column.is_numbers:
         return "words, by which `where` of a run can choose rows"
-    if said.unit and is_other_unit(said.unit):
+    if said.unit and words.is_other_unit(said.unit):
         return f"no variable is in {said.unit}"
     if said.unknown:
         return f"not known: {', '.join(said.unknown)}"
@@ -297,7 +290,7 @@ def _problem(column: Guess) -> str:
 def _fits(unit: str | None, variable: str | None) -> bool:
     """Whether a variable may have a unit, or a column of no known one any variable."""
     kind = None if variable is None else kind_of(variable)
-    return unit is None or kind is None or unit in FACTORS[kind]
+    return unit is None or kind is None or unit in words.FACTORS[kind]
 
 
 def _largest(values: Array) -> float:
@@ -308,7 +301,7 @@ def _checks(column: Guess) -> Iterator[str]:
     """What was assumed, and the line to write if that is wrong."""
     use = column.use
     if column.sized:
-        other = next(unit for unit in FACTORS[kind_of(use.variable) or ""] if unit != use.unit)
+        other = next(unit for unit in words.FACTORS[kind_of(use.variable) or ""] if unit != use.unit)
         yield f"{column.sized}, taken as {use.unit}; else {replace(use, unit=other)}"
     if use.variable == "q_motor_encoder":
         yield f"motor, taken as the winch's angle; before the reducer {use} * 0.01"
@@ -322,7 +315,7 @@ def _checks(column: Guess) -> Iterator[str]:
         yield f"{column.numbered}; else {replace(use, joint=0)}"
 
 
-def _runs_of(name: str, telling: Sequence[Meaning]) -> dict[str, float | None]:
+def _runs_of(name: str, telling: Sequence[words.Meaning]) -> dict[str, float | None]:
     """Run, and its payload, by the nearest name that says it, else by the table."""
     controller = next((said.controller for said in telling if said.controller is not None), None)
     payload = next((said.payload for said in telling if said.payload is not None), None)

@@ -24,15 +24,8 @@ from tendonrepro.dataset.tables import Columns
 from tendonrepro.dataset.windows import Timing, spans
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import Json, refuse_existing, write_atomically
+from tendonrepro.results import records
 from tendonrepro.results.paper import with_what_they_are
-from tendonrepro.results.records import (
-    DECOUPLING_RUNS,
-    PlantRecord,
-    PlantValue,
-    Trace,
-    TraceFile,
-    median_step,
-)
 from tendonrepro.results.store import environment
 from tendonrepro.results.summary import sizes_deg
 from tendonrepro.results.tables import Table
@@ -149,7 +142,7 @@ def run_ingest(
         "environment": environment(),
         **made,
     }
-    file = TraceFile(
+    file = records.TraceFile(
         experiment=_experiment(runs),
         source="measured",
         title=loaded.title,
@@ -170,20 +163,20 @@ def run_ingest(
     return {**head, "runs": described, **made}
 
 
-def _plant_record(runs: Mapping[str, Trace]) -> PlantRecord:
+def _plant_record(runs: Mapping[str, records.Trace]) -> records.PlantRecord:
     """All that is known of a measured plant: the printed coupling, unless it has more joints."""
     S, S_inv = coupling_of(table_1(published()))
     joints = max(joint for trace in runs.values() for joint in trace.joint)
     if joints > len(S):
-        return PlantRecord({}, {"arm": f"one with {joints} joints"})
+        return records.PlantRecord({}, {"arm": f"one with {joints} joints"})
     coupling = {
-        "S": PlantValue(S, "1", _PRINTED, "coupling matrix, q = S q_motor"),
-        "S_inv": PlantValue(S_inv, "1", _PRINTED, "inverse coupling matrix"),
+        "S": records.PlantValue(S, "1", _PRINTED, "coupling matrix, q = S q_motor"),
+        "S_inv": records.PlantValue(S_inv, "1", _PRINTED, "inverse coupling matrix"),
     }
-    return PlantRecord(coupling, {})
+    return records.PlantRecord(coupling, {})
 
 
-def _starts(file: TraceFile) -> dict[str, float]:
+def _starts(file: records.TraceFile) -> dict[str, float]:
     """When the motion of each run of the comparison begins, s, as `validate` finds it; else nothing."""
     others = [joints_with_motion(trace) for trace in file.part("compare").runs.values()]
     for joints in filter(None, (COMPARED, max(others, key=len, default=()))):
@@ -192,16 +185,16 @@ def _starts(file: TraceFile) -> dict[str, float]:
     return {}
 
 
-def _experiment(runs: Mapping[str, Trace]) -> Literal["compare", "decouple", "both"]:
-    of_decoupling = {name in DECOUPLING_RUNS for name in runs}
+def _experiment(runs: Mapping[str, records.Trace]) -> Literal["compare", "decouple", "both"]:
+    of_decoupling = {name in records.DECOUPLING_RUNS for name in runs}
     return "both" if len(of_decoupling) > 1 else "decouple" if True in of_decoupling else "compare"
 
 
-def _described(trace: Trace, start: float | None) -> dict[str, object]:
+def _described(trace: records.Trace, start: float | None) -> dict[str, object]:
     described: dict[str, object] = {
         "joints": list(trace.joint),
         "samples": len(trace.time),
-        "step_s": median_step(trace.time),
+        "step_s": records.median_step(trace.time),
         "duration_s": float(trace.time[-1]),
         "payload_mass_kg": trace.attributes["payload_mass"],
         "status": trace.status,

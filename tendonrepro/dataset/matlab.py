@@ -15,7 +15,7 @@ import pandas as pd
 import scipy.io
 from numpy.typing import NDArray
 
-from tendonrepro.dataset.nested import Nested, Series, tables_of
+from tendonrepro.dataset.formats import Nested, Series, tables_of
 from tendonrepro.dataset.tables import Column, Columns, Tables, Unreadable
 from tendonrepro.dataset.words import FACTORS, plain_unit
 
@@ -127,7 +127,7 @@ def _table(frame: pd.DataFrame) -> Columns:
     columns = Columns()
     units = frame.attrs.get("VariableUnits") or frame.attrs.get("varUnits") or [""] * frame.shape[1]
     if frame.index.dtype.kind in "mM":
-        columns.add("time", _seconds(frame.index.to_numpy()), "s")
+        frame, units = frame.reset_index(names="time"), ["s", *units]
     for (name, column), unit in zip(frame.items(), units, strict=False):
         values = column.to_numpy()
         if values.dtype.kind in "mM":
@@ -211,20 +211,13 @@ def _element_name(members: Nested) -> str:
 
 def _dataset(members: Nested) -> Nested | Series | None:
     """Signals of a data set by name; a storage within it holds the same."""
-    for key in ("Elements", "Elements_", "Storage", "Storage_"):
-        elements = members.get(key)
-        if isinstance(elements, Series):
-            return elements
-        if isinstance(elements, dict) and elements:
-            # An only element stands alone, not in a numbered list.
-            return _elements(elements if all(name.isdigit() for name in elements) else {"1": elements})
-    return None
-
-
-def _elements(elements: Nested) -> Nested:
-    """Signals of a data set's elements; one without any name has the number of its element."""
+    stored = map(members.get, ("Elements", "Elements_", "Storage", "Storage_"))
+    elements = next((part for part in stored if isinstance(part, dict | Series) and part), None)
+    if not isinstance(elements, dict):
+        return elements
+    # An only element stands alone, not in a numbered list.
     named: Nested = {}
-    for number, item in elements.items():
+    for number, item in elements.items() if all(map(str.isdigit, elements)) else [("1", elements)]:
         for label, signal in _signals(item):
             named[_free(named, label or f"signal {number}")] = signal
     return named
@@ -293,17 +286,14 @@ def _timeseries(tree: Nested) -> Series | None:
     members = (tree.get(key) for key in ("TimeInfo", "DataInfo", "Storage_"))
     info, about, storage = (part if isinstance(part, dict) else {} for part in members)
     # Streamed logs lie elsewhere.
-    data = next(
-        (v for v in (tree.get("Data_"), tree.get("Data"), storage.get("Data")) if _is_filled(v)), None
-    )
+    data = next(filter(_is_filled, (tree.get("Data_"), tree.get("Data"), storage.get("Data"))), None)
+    time = next(filter(_is_filled, (info.get("Time_"), info.get("Time"))), None)
     if data is None:
         return None
-    time = next((info[key] for key in ("Time_", "Time") if _is_filled(info.get(key))), None)
     if time is None:
-        start, step = (float(np.ravel(info[key])[0]) for key in ("Start_", "Increment_"))
-        time = start + step * np.arange(int(np.ravel(info["Length"])[0]))
-    step_s = FACTORS["time"].get(plain_unit(text(info.get("Units"))) or "s", 1.0)
-    time = np.ravel(time).astype(float) * step_s
+        start, step, count = (float(np.ravel(info[key])[0]) for key in ("Start_", "Increment_", "Length"))
+        time = start + step * np.arange(count)
+    time = np.ravel(time) * FACTORS["time"].get(plain_unit(text(info.get("Units"))) or "s", 1.0)
     axis = next((k for k, size in enumerate(data.shape) if size == len(time)), None)
     if axis is None:
         return None

@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from tendonrepro.dataset.formats import is_labview, packaged, read_lvm, read_package, read_tdms, read_workbook
-from tendonrepro.dataset.nested import read_hdf5
+from tendonrepro.dataset import formats
 from tendonrepro.dataset.tables import BY_JOINT, Columns, Tables, Unreadable, by_joint, with_one_time
 from tendonrepro.dataset.text import encoding_of_bytes, read_text_table
 from tendonrepro.errors import DataMissingError
@@ -55,7 +54,7 @@ def read_files(paths: Sequence[Path]) -> Contents:
         files = [file for path, name in names.items() for file in _files(path, name, scratch, unread)]
         packages = [path for path, _ in files if path.suffix == ".json"]
         # A package reads the tables beside it, and knows their units.
-        described = {table.resolve() for path in packages for table in packaged(path)}
+        described = {table.resolve() for path in packages for table in formats.packaged(path)}
         for path, name in files:
             if path.resolve() in described:
                 continue
@@ -170,13 +169,13 @@ def _reader_of(path: Path) -> Callable[[Path], Tables]:
 
         return read_matlab
     if head.startswith(b"\x89HDF"):
-        return read_hdf5
+        return formats.read_hdf5
     if suffix == ".tdms" or head.startswith(b"TDSm"):
-        return read_tdms
+        return formats.read_tdms
     if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
-        return read_workbook
+        return formats.read_workbook
     if suffix == ".json":
-        return read_package
+        return formats.read_package
     if suffix in _TEXTS | _BOOKS:
-        return read_lvm if is_labview(path) else read_text_table
+        return formats.read_lvm if formats.is_labview(path) else read_text_table
     raise Unreadable(f"a format that is not read: {suffix or 'no suffix'}")

@@ -12,9 +12,9 @@ import numpy as np
 
 from tendonrepro.configuration.published import published
 from tendonrepro.console import without_controls
-from tendonrepro.dataset.clocks import by_clock, by_rows, even_step, is_digitised, starts_again
 from tendonrepro.dataset.guess import Guess, around_of, guesses_of, quoted, with_loads_inside
 from tendonrepro.dataset.mapping import CHECK, SCHEMA_VERSION, kind_of
+from tendonrepro.dataset.runs import by_clock, by_rows, even_step, is_digitised, starts_again
 from tendonrepro.dataset.tables import BY_JOINT, Columns
 from tendonrepro.dataset.words import meaning_of
 

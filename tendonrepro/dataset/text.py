@@ -12,16 +12,8 @@ from typing import Any
 
 import pandas as pd
 
-from tendonrepro.dataset.tables import (
-    Columns,
-    Tables,
-    Unreadable,
-    add_column,
-    angle_unit_of,
-    first_numbers,
-    is_number,
-    names_of,
-)
+from tendonrepro.dataset import tables
+from tendonrepro.dataset.tables import Columns, Tables, Unreadable
 
 COMMENTS = ("#", "%", "//")
 _HEAD = 2**20
@@ -83,7 +75,7 @@ def read_text_table(path: Path) -> Tables:
         columns.notes += _note_on(texts[no_number])
         frame = frame[~no_number]
     for k, name in enumerate(layout.names):
-        add_column(columns, name, frame[k])
+        tables.add_column(columns, name, frame[k])
     return Tables({"": columns})
 
 
@@ -107,14 +99,14 @@ def layout_of(path: Path) -> Layout:
     written = {place: line for place, line in _whole(lines) if line.strip() and not is_hint(line)}
     filled = [place for place, line in written.items() if not line.startswith(COMMENTS)]
     rows = [split(written[place], separator) for place in filled]
-    first = first_numbers(rows, [split(line, separator) for line in last[-_SAMPLED:]])
+    first = tables.first_numbers(rows, [split(line, separator) for line in last[-_SAMPLED:]])
     if first is None:
         raise Unreadable("a text without a table of numbers")
     above = [line for place, line in written.items() if place < filled[first]]
     head = [split(line.lstrip("#%/"), separator) for line in above]
     width = max(map(len, rows[first : first + 1000]))
-    names = names_of(head, width)
-    return Layout(encoding, is_damaged, separator, comma, filled[first], names, angle_unit_of(above))
+    names = tables.names_of(head, width)
+    return Layout(encoding, is_damaged, separator, comma, filled[first], names, tables.angle_unit_of(above))
 
 
 def _whole(lines: Sequence[str]) -> Iterator[tuple[int, str]]:
@@ -174,7 +166,9 @@ def _spelling(lines: Sequence[str]) -> tuple[str | None, bool]:
         mark, other = (",", ".") if comma else (".", ",")
         cells = [cell for line in lines for cell in split(line, separator) if cell]
         # A number with the other mark alone may have it between thousands, and does not tell.
-        return sum(1 if is_number(cell) and (mark in cell or other not in cell) else -1 for cell in cells)
+        return sum(
+            1 if tables.is_number(cell) and (mark in cell or other not in cell) else -1 for cell in cells
+        )
 
     return max(_WAYS, key=numbers)
 
@@ -185,7 +179,7 @@ def split(line: str, separator: str | None) -> list[str]:
     if separator is None:
         # Names with blanks stand further apart than their words.
         wide = re.split(r"\s{2,}|\t", text.strip())
-        parts = wide if len(wide) > 1 and not is_number(wide[0].split()[0]) else text.split()
+        parts = wide if len(wide) > 1 and not tables.is_number(wide[0].split()[0]) else text.split()
     else:
         parts = next(csv.reader([text], delimiter=separator, skipinitialspace=True), [])
     return [_content(part) for part in parts]

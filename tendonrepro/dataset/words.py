@@ -188,11 +188,10 @@ def _cut(token: str) -> list[str]:
 
 
 def _numbers(words: list[str]) -> tuple[set[int], set[int], list[str]]:
+    """Joints, controllers, and numbers that are neither."""
     joints, controllers, others = set(), set(), []
-    groups = [None if word.isdigit() else _GROUPS.get(word, "unknown") for word in words]
-    for place, word in enumerate(words):
-        before = groups[place - 1] if place else ""
-        after = groups[place + 1] if place + 1 < len(words) else ""
+    groups = ["", *(None if word.isdigit() else _GROUPS.get(word, "unknown") for word in words), ""]
+    for word, before, after in zip(words, groups, groups[2:], strict=False):
         if not word.isdigit():
             continue
         if before == "controller":
