@@ -26,7 +26,7 @@ from tendonrepro.monte_carlo.population import evolution, population_of
 from tendonrepro.results.paper import compares_as_paper
 from tendonrepro.tuning import bench
 from tendonrepro.tuning.bench import ALL_RUNS, CONDITIONS, Candidate, TrialPlants
-from tendonrepro.tuning.laws import EQUIVALENCES, LAWS, Equivalence, TunedLaw
+from tendonrepro.tuning.laws import EQUIVALENCES, LAWS, TunedLaw
 
 # Caps on torque roughness, over that of Controller 2 as published on the same draw.
 CAPS: Mapping[str, float] = {"none": np.inf, "1/3": 1 / 3, "1/10": 1 / 10, "1/30": 1 / 30}
@@ -168,22 +168,20 @@ class Tuning:
         return np.column_stack([errors, measured.roughness, measured.stable])
 
     def _exchange(self) -> None:
+        """Have searches look at the best places of others, in their own gains, if these are new to them."""
+        alpha, n = self.plants.alpha, self.plants.alpha.size
         for equal in EQUIVALENCES:
-            self._hand_on(equal)
-
-    def _hand_on(self, equal: Equivalence) -> None:
-        """Have searches look at the best places of others, if these are new to them."""
-        alpha, asked = self.plants.alpha, []
-        for key, seen in self.places.items():
-            to = key._replace(law=equal.target)
-            if key.alone or key.law != equal.source or to not in self.places:
-                continue
-            law, other = self.laws[key.law], self.laws[to.law]
-            gains = [law.values(unit, alpha.size) for unit in self._best_units(seen)]
-            units = [other.unit(equal.change(each, alpha), alpha.size) for each in gains]
-            there = np.array([place.unit for place in self.places[to]])
-            asked += [(to, unit) for unit in units if (np.abs(there - unit).max(axis=1) >= _HERE).all()]
-        self._look(asked)
+            asked = []
+            for key, seen in self.places.items():
+                to = key._replace(law=equal.target)
+                if key.alone or key.law != equal.source or to not in self.places:
+                    continue
+                law, other = self.laws[key.law], self.laws[to.law]
+                gains = [law.values(unit, n) for unit in self._best_units(seen)]
+                units = [other.unit(equal.change(each, alpha), n) for each in gains]
+                there = np.array([place.unit for place in self.places[to]])
+                asked += [(to, unit) for unit in units if (np.abs(there - unit).max(axis=1) >= _HERE).all()]
+            self._look(asked)
 
     def _best_units(self, seen: Sequence[Seen]) -> list[Array]:
         """Places of least cost and least error under each cap; each once."""

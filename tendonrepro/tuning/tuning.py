@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import asdict, replace
 from functools import partial
-from itertools import islice
+from itertools import chain, islice
 from operator import itemgetter
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from tendonrepro.errors import UsageError, did_you_mean
 from tendonrepro.experiments import user_law
 from tendonrepro.monte_carlo.kept import study_on_plants
 from tendonrepro.monte_carlo.plan import identity_of
-from tendonrepro.parallel import as_ready, check_jobs
+from tendonrepro.parallel import as_ready, check_jobs, counted
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site, Study, cost_of
@@ -110,23 +110,16 @@ def _try(task: TuningTask, user: user_law.UserLaw, law: TunedLaw) -> None:
 def _usable(task: TuningTask, wanted: int) -> list[int]:
     """Numbers of the first usable draws, or of every one."""
     numbers = range(MOST_DRAWS_PER_PLANT * wanted)
-    usable_draws = [*islice((k for k in numbers if task.any_plant or usable(task.draw(k))), wanted)]
-    if len(usable_draws) < wanted:
-        message = (
-            f"stable with {task.gains_told} gains are only {len(usable_draws)} of {len(numbers)} plants drawn"
-        )
+    found = [*islice((k for k in numbers if task.any_plant or usable(task.draw(k))), wanted)]
+    if len(found) < wanted:
+        message = f"stable with {task.gains_told} gains are only {len(found)} of {len(numbers)} plants drawn"
         narrower = ", or a smaller --spread" if task.loaded.around else ""
-        hint = f"ask for fewer, or say --any-plant{narrower}"
-        raise UsageError(message, where="--plants", hint=hint)
-    return usable_draws
+        raise UsageError(message, where="--plants", hint=f"ask for fewer, or say --any-plant{narrower}")
+    return found
 
 
 def _tuned(task: TuningTask, numbers: Sequence[int], states: Path, jobs: int, talk: Talk) -> list[TunedRow]:
     """Rows of draws, from what is on disk already; in the order of their numbers."""
     stream = as_ready(partial(task.tuned, states), numbers, jobs)
     with talk.bar("tuning on plants", len(numbers)) as progress, closing(stream):
-        rows = []
-        for of_draw in stream:
-            rows += of_draw
-            progress(1)
-    return sorted(rows, key=itemgetter("draw"))
+        return sorted(chain.from_iterable(counted(stream, progress)), key=itemgetter("draw"))

@@ -73,7 +73,7 @@ def changed(equal: Equivalence) -> Gains:
 
 @pytest.mark.parametrize(
     "brought",
-    [{"bounds": {"K_p": held}} for held in (10.0, (10.0, 1.0), (1.0, 1.0), (0.0, 1.0))]
+    [{"bounds": {"K_p": held}} for held in (10.0, (1.0, 1.0), (0.0, 1.0))]
     + [{}, {"bounds": {"unknown": (1.0, 2.0)}}, {"bounds": {"K_p": (1.0, 10.0)}, "setup": print}],
 )
 def test_a_users_law_without_bounds_or_with_a_setup_is_refused(brought: dict[str, Any]) -> None:
@@ -107,12 +107,6 @@ def test_a_near_equivalence_is_near(equal: Equivalence) -> None:
 def test_without_the_change_of_gains_alpha_is_another_law() -> None:
     ratio = errors("alpha_published", GOOD["ntsm"]) / errors("ntsm", GOOD["ntsm"])
     assert (ratio > 1.0 + nominal().alpha).all()
-
-
-def test_every_law_keeps_its_gains_on_the_way_to_the_cube_and_back() -> None:
-    for name, gains in GOOD.items():
-        back = LAWS[name].values(LAWS[name].unit(gains, 2), 2)
-        assert all(np.allclose(back[gain], gains[gain], rtol=1e-12) for gain in gains)
 
 
 def test_pid_is_the_textbooks() -> None:

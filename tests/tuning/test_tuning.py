@@ -90,9 +90,9 @@ def test_what_it_writes(tmp_path: Path) -> None:
     stored = json.loads((tmp_path / "tune" / "tune.json").read_text("utf-8"))
     assert stored["lost_to_special_case"] == []
     assert {row["law"] for row in stored["laws"]} >= {"pid", "surface", "controller_1"}
-    tables = "questions", "comparisons", "alpha", "laws"
-    files = [f"tables/{name}.{kind}" for name in tables for kind in ("csv", "md", "tex")]
-    assert all((tmp_path / "tune" / file).exists() for file in [*files, "figures/tune.pdf"])
+    tables = {"questions", "comparisons", "alpha", "laws"}
+    assert {path.stem for path in (tmp_path / "tune" / "tables").glob("*.csv")} == tables
+    assert (tmp_path / "tune" / "figures" / "tune.pdf").exists()
     # With the same bounds and the same law, the user's finds what the package's own finds.
     errors = {
         name: [row["error"] for row in found["by_plant"] if row["law"] == name and row["cap"] == "none"]
@@ -124,14 +124,6 @@ def test_around_an_arm_of_ones_own(tmp_path: Path) -> None:
         row["error"] for row in found["by_plant"] if row["law"] == "controller_2" and not row.get("alpha")
     ]
     assert max(tuned) < min(published)
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("few")
-def test_of_a_users_law_alone(tmp_path: Path) -> None:
-    found = run(tmp_path / "out", laws={"surface": surface}, only="surface", formats="png")
-    assert {row["law"] for row in found["laws"] if row["cap"] == "none"} == {"surface"}
-    assert found["questions"] == found["alpha"] == []
 
 
 def test_untuned_controllers_are_those_of_the_comparison(tmp_path: Path) -> None:
@@ -169,15 +161,11 @@ class Counting:
 @pytest.mark.parametrize(
     "options",
     [
-        {"plants": 0},
         {"searches": 1},
-        {"jobs": 0},
         {"only": "ntsm,alpha_tde"},
-        {"spread": 0.2},  # without an arm of one's own
         {"laws": {"branching": branching}},
         {"laws": {"counting": Counting()}},
         {"laws": {"pid": surface}},
-        {"laws": {"boundless": lambda *_: None}},
     ],
 )
 def test_what_it_refuses(tmp_path: Path, options: dict[str, Any]) -> None:
