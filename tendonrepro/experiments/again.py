@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from tendonrepro.errors import DataMissingError
@@ -44,14 +44,29 @@ def redraw(
             hint = f"figures that can be drawn: {', '.join(sorted(every)) or 'none'}"
             raise DataMissingError(message, where=str(out), hint=hint)
 
-    def make(file: TraceFile, path: Path) -> list[Path]:
-        begun = [(draw, path / "figures", formats) for name, draw in drawings(file).items() if name in asked]
+    def make(file: TraceFile, folder: Path) -> list[Path]:
+        begun = [
+            (draw, folder / "figures", formats) for name, draw in drawings(file).items() if name in asked
+        ]
         drawn = [path for paths in start(save_drawn, begun if formats else []) for path in paths]
         tables = [] if figures else made_tables(file)
-        return drawn + [written for table in tables for written in table.write(path / "tables")]
+        return drawn + [path for table in tables for path in table.write(folder / "tables")]
 
+    written: list[Path] = []
     with workers(len(asked)) as start:
-        return _make_again(files, make, force=force)
+        for folder, file in files.items():
+            # Measured traces lie in a folder without a manifest.
+            if not (folder / MANIFEST).exists():
+                written += make(file, folder)
+                continue
+            sha256, command = file.config_sha256, file.experiment
+            with replaced(folder, sha256, command=command, force=force, update=True) as result:
+                result.manifest = read_manifest(folder)
+                made = make(file, result.path)
+                drawn = {*result.manifest.get("figure_formats", ()), *(path.suffix[1:] for path in made)}
+                result.manifest |= figure_formats([name for name in FORMATS if name in drawn])
+            written += [folder / path.relative_to(result.path) for path in made]
+    return written
 
 
 def _stored(out: Path) -> dict[Path, TraceFile]:
@@ -65,24 +80,3 @@ def _stored(out: Path) -> dict[Path, TraceFile]:
             hint = "figures and tables of this result are made by its command alone: run that again"
         raise DataMissingError(message, where=str(out), hint=hint)
     return {path.parent: read_traces(path.parent) for path in paths}
-
-
-def _make_again(
-    files: Mapping[Path, TraceFile], make: Callable[[TraceFile, Path], list[Path]], *, force: bool
-) -> list[Path]:
-    """Make files of results again; measured traces lie in a folder without a manifest."""
-    written: list[Path] = []
-    for folder, file in files.items():
-        if not (folder / MANIFEST).exists():
-            written += make(file, folder)
-            continue
-        with replaced(
-            folder, file.config_sha256, command=file.experiment, force=force, update=True
-        ) as result:
-            result.manifest = read_manifest(folder)
-            made = make(file, result.path)
-            written_now = {path.suffix.removeprefix(".") for path in made}
-            formats = {*result.manifest.get("figure_formats", ()), *written_now}
-            result.manifest |= figure_formats([name for name in FORMATS if name in formats])
-        written += [folder / path.relative_to(result.path) for path in made]
-    return written

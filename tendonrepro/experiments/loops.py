@@ -20,7 +20,6 @@ from tendonrepro.configuration.models.reference import (
     PerJoint,
     ReferenceConfig,
     Sampled,
-    Single,
     read_samples,
 )
 from tendonrepro.configuration.published import published
@@ -28,19 +27,10 @@ from tendonrepro.configuration.quantity import Value
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments import rig
 from tendonrepro.experiments.user_law import UserLaw, lane_function, own_loops
-from tendonrepro.physics import trajectory
-from tendonrepro.physics.control import (
-    DEGREES_PER_RADIAN,
-    TYPICAL_ERROR_DEG,
-    Law,
-    Servo,
-    Surface,
-    error_ratio,
-    estimator_weights,
-)
+from tendonrepro.physics import control, linear_loop, trajectory
+from tendonrepro.physics.control import DEGREES_PER_RADIAN, Law
 from tendonrepro.physics.dynamics import Plant
 from tendonrepro.physics.instruments import Actuator
-from tendonrepro.physics.linear_loop import loop_matrix, modes, slowest, stroke
 from tendonrepro.physics.metrics import Status, status_of
 from tendonrepro.physics.trajectory import Motion
 from tendonrepro.results.records import RESERVED
@@ -81,20 +71,12 @@ def build_reference(
         message = f"lasts {followed[0].duration:g} s; a run has from 1 to {MOST_SAMPLES:g} periods of {L:g} s"
         raise ConfigError(message, where=key)
     time: Array = L * np.arange(int(np.floor(followed[0].duration / L + 1e-6)) + 1.0)
-    q_d, dq_d, ddq_d = _sampled(time, followed)
+    q_d, dq_d, ddq_d = trajectory.motion(time, followed)
     if S is not None:
         q_d, dq_d, ddq_d = q_d @ S.T, dq_d @ S.T, ddq_d @ S.T
     built = DesiredMotion(time, q_d, dq_d, ddq_d, reference_period(reference))
     _check_workspace(built, config, key)
     return built
-
-
-def _sampled(time: Array, followed: Sequence[Motion]) -> tuple[Array, Array, Array]:
-    """Desired angles, velocities and accelerations (T, n); what joints share is worked out once."""
-    single = list(dict.fromkeys(followed))
-    column = [single.index(joint) for joint in followed]
-    q_d, dq_d, ddq_d = (np.take(values, column, axis=1) for values in trajectory.motion(time, single))
-    return q_d, dq_d, ddq_d
 
 
 def motions(reference: ReferenceConfig, joints: Sequence[int], folder: Path) -> list[Motion]:
@@ -104,9 +86,7 @@ def motions(reference: ReferenceConfig, joints: Sequence[int], folder: Path) -> 
     if isinstance(reference, PerJoint):
         parts = zip(reference.references, joints, strict=True)
         return [motions(single, (joint,), folder)[0] for single, joint in parts]
-    sizes = [_size(reference, i) for i in range(len(joints))]
-    single = {size: reference.shape(sizes.index(size)) for size in sizes}
-    shapes = [single[size] for size in sizes]
+    shapes = [reference.shape(i) for i in range(len(joints))]
     if not isinstance(reference, InTurns):
         return [Motion((shape,), reference.duration) for shape in shapes]
     turns = (reference.turns or (tuple(joints),)) * int(reference.periods.si)
@@ -114,12 +94,6 @@ def motions(reference: ReferenceConfig, joints: Sequence[int], folder: Path) -> 
         Motion(tuple(shape if joint in turn else trajectory.at_rest for turn in turns), reference.cycle)
         for shape, joint in zip(shapes, joints, strict=True)
     ]
-
-
-def _size(reference: Single, i: int) -> tuple[float, ...]:
-    """What distinguishes the shape of joint i, from 0, from that of others: its entry of every list."""
-    lists = (getattr(part, "value", None) for _, part in reference)
-    return tuple(values[i] for values in lists if isinstance(values, list | tuple))
 
 
 def _sampled_motions(path: Path, joints: Sequence[int], interpolation: str) -> list[Motion]:
@@ -137,15 +111,10 @@ def _sampled_motions(path: Path, joints: Sequence[int], interpolation: str) -> l
 
 def _check_workspace(reference: DesiredMotion, config: Config, key: str) -> None:
     """Links work between hanging and upright; elsewhere gravity would slacken the tendons."""
-    turned, start = np.zeros(len(reference.time)), rig.start_angles(config)
-    reached = []
-    for i, q_d in enumerate(reference.q_d.T):
-        turned = turned + q_d
-        reached.append((start[i] + turned.min(), start[i] + turned.max()))
-    if min(low for low, _ in reached) <= 0.0 or np.rad2deg(max(high for _, high in reached)) >= 180.0:
-        angles = np.rad2deg(start + np.cumsum(reference.q_d, axis=1))
-        outside = (angles <= 0.0) | (angles >= 180.0)
-        k, i = np.argwhere(outside)[0]
+    angles = np.rad2deg(rig.start_angles(config) + np.cumsum(reference.q_d, axis=1))
+    outside = np.argwhere((angles <= 0.0) | (angles >= 180.0))
+    if outside.size:
+        k, i = outside[0]
         words = f"{angles[k, i]:.1f} deg from hanging at t = {reference.time[k]:.3f} s"
         message = f"link {config.joints[i]} would reach {words}"
         hint = "links must stay between 0 and 180 deg: change posture or the reference's amplitude"
@@ -165,7 +134,7 @@ def build_law(config: CompareConfig, name: str) -> Law:
     low_pass = 1.0 if cutoff is None else newest_weight(cutoff.si, L)
     to_joint = torque_map(config)
     return Law(
-        surface=int(Surface[choice.surface.upper()]),
+        surface=int(control.Surface[choice.surface.upper()]),
         L=L,
         lag=PERIODS[readings.delay_time],
         M_bar=gains.M_bar.si * mass_scale,
@@ -176,7 +145,7 @@ def build_law(config: CompareConfig, name: str) -> Law:
         beta=gains.beta.si,
         K_d=gains.K_d.si if gains.K_d else np.zeros(n),
         K_p=gains.K_p.si if gains.K_p else np.zeros(n),
-        weights=estimator_weights(alpha, readings.weights if alpha_tde else "interpolating"),
+        weights=control.estimator_weights(alpha, readings.weights if alpha_tde else "interpolating"),
         newest=0 if readings.differencing == "centred" else 1,
         phi_is_odd=readings.phi_negative == "odd",
         power_inside=readings.phi_branch == "power",
@@ -199,7 +168,7 @@ def slow_error_ratio(config: CompareConfig, pair: Sequence[str]) -> Array:
     """Error of one of ``control.laws`` over that of another under a slow load, (n,); see `error_ratio`."""
     one, other = (build_law(config, name) for name in pair)
     delay = int(config.manipulator.actuator.output_delay.si)
-    return error_ratio(one, other, float(np.deg2rad(TYPICAL_ERROR_DEG)), delay)
+    return control.error_ratio(one, other, float(np.deg2rad(control.TYPICAL_ERROR_DEG)), delay)
 
 
 def power_floor(resolution: Value, scale: float) -> Value:
@@ -236,13 +205,6 @@ def torque_map(config: CompareConfig) -> Array:
     return np.ascontiguousarray(scale * rig.coupling(config)[1].T)
 
 
-def check_errors_from(config: CompareConfig, reference: DesiredMotion) -> None:
-    """Refuse tables that would leave out a whole run."""
-    if errors_from(config) >= reference.time[-1]:
-        message = f"must be before the end of the motion, {reference.time[-1]:g} s"
-        raise ConfigError(message, where="errors_from")
-
-
 class Once:
     """Builds each part of closed loops once for the sections of a configuration that it depends on.
 
@@ -270,7 +232,7 @@ def build_loops(config: Config, folder: Path) -> Iterator[tuple[str, Loop]]:
         return
     S, S_inv = rig.coupling(config)
     loop = config.position_loop
-    servo = Servo(loop.stiffness.si, loop.damping.si, S_inv, config.sampling_period.si)
+    servo = control.Servo(loop.stiffness.si, loop.damping.si, S_inv, config.sampling_period.si)
     for name, choice in config.runs.items():
         mapped = S if choice.drives == "motors" else None
         reference = build_reference(choice.reference, config, folder, mapped, f"runs.{name}.reference")
@@ -281,18 +243,20 @@ def build_loops(config: Config, folder: Path) -> Iterator[tuple[str, Loop]]:
 def compared_reference(config: CompareConfig, folder: Path) -> DesiredMotion:
     """Desired motion of all runs of a comparison, which its tables do not leave out."""
     reference = build_reference(config.reference, config, folder)
-    check_errors_from(config, reference)
+    if errors_from(config) >= reference.time[-1]:
+        message = f"must be before the end of the motion, {reference.time[-1]:g} s"
+        raise ConfigError(message, where="errors_from")
     return reference
 
 
 def run_loop(config: CompareConfig, name: str, reference: DesiredMotion, once: Once) -> Loop:
     """Closed loop of one run of a comparison, following `reference`."""
-    run, arm, control = config.runs[name], config.manipulator, config.control
+    run, arm, section = config.runs[name], config.manipulator, config.control
     # Sections that parts are built of, without those that the most readings change.
     moved = tuple(part for key, part in arm if key not in ("encoders", "actuator"))
     plant_sections = moved, config.posture, config.disturbance, config.seed, run.payload, run.friction_scale
     law_sections = (
-        (control.gains, control.readings, control.filter_cutoff, control.laws[run.law]),
+        (section.gains, section.readings, section.filter_cutoff, section.laws[run.law]),
         (arm.routing, arm.winches, arm.encoders.joint, config.sampling_period),
     )
     loop = _loop(
@@ -304,7 +268,7 @@ def run_loop(config: CompareConfig, name: str, reference: DesiredMotion, once: O
     )
     return replace(
         loop,
-        cold=control.readings.start == "cold",
+        cold=section.readings.start == "cold",
         start_offset=run.start_offset.si if run.start_offset else None,
         reference_lag=reference_lag(config),
     )
@@ -439,9 +403,11 @@ def growing(loops: Mapping[str, Loop]) -> dict[str, float]:
     frequencies = {}
     for name, loop in loops.items():
         if isinstance(loop.controller, TimeDelayController) and loop.controller.command is None:
-            law, postures = loop.controller.law, stroke(loop.reference.q_d)
-            matrices = [loop_matrix(q, loop.plant, law, loop.actuator.delay) for q in postures]
-            growth, hertz = slowest([modes(matrix, law.L) for matrix in matrices], 0.0)
+            law, postures = loop.controller.law, linear_loop.stroke(loop.reference.q_d)
+            matrices = [linear_loop.loop_matrix(q, loop.plant, law, loop.actuator.delay) for q in postures]
+            growth, hertz = linear_loop.slowest(
+                [linear_loop.modes(matrix, law.L) for matrix in matrices], 0.0
+            )
             if growth > 0.0:
                 frequencies[name] = hertz
     return frequencies

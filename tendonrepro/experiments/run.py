@@ -90,38 +90,31 @@ def results_of(experiments: Sequence[Prepared], talk: Talk, start: Start = map) 
 
 
 def begin_all(experiments: Sequence[Prepared], talk: Talk, start: Start = map) -> Iterator[list[Trace]]:
-    """Begin to simulate, by what `workers` yields; yield the traces of one experiment after the other."""
+    """Simulate, by what `workers` yields; yield the traces of one experiment after the other."""
     if experiments[0].solver == "compiled":
-        return (_simulate_together(experiment.loaded, experiment.loops, talk) for experiment in experiments)
+        yield from (_simulate_together(each.loaded, each.loops, talk) for each in experiments)
+        return
     # Copies of this process need not import it once more.
     from tendonrepro.simulation import stepper
 
     del stepper
-    runs = [
-        # A user's law is loaded where it runs: it need not survive the way to another process.
-        (experiment.loaded, experiment.laws, name, loop if name in experiment.loaded.config.runs else None)
-        for experiment in experiments
-        for name, loop in experiment.loops.items()
-    ]
+    # Loops are built where they run: a user's law need not survive the way to another process.
+    runs = [(each.loaded, each.laws, name) for each in experiments for name in each.loops]
     # Before the bar, whose thread forbids such copies.
     begun = start(simulate_run, runs)
-
-    def collected() -> Iterator[list[Trace]]:
-        with talk.bar(f"simulating {count_of(len(runs), 'run')}", len(runs)) as progress:
-            traces = iter(list(counted(begun, progress)))
-        for experiment in experiments:
-            yield [next(traces) for _ in experiment.loops]
-
-    return collected()
+    with talk.bar(f"simulating {count_of(len(runs), 'run')}", len(runs)) as progress:
+        traces = iter(list(counted(begun, progress)))
+    for experiment in experiments:
+        yield [next(traces) for _ in experiment.loops]
 
 
-def simulate_run(run: tuple[LoadedConfig, Sequence[UserLaw], str, Loop | None]) -> Trace:
-    """Simulate one run, by its name; without its loop that is built."""
+def simulate_run(run: tuple[LoadedConfig, Sequence[UserLaw], str]) -> Trace:
+    """Simulate one run, by its name."""
     # Where nothing is run, whoever imports this needs no compiler.
     from tendonrepro.simulation.stepper import simulate
 
-    loaded, laws, name, loop = run
-    loop = loop or all_loops(loaded, laws)[name]
+    loaded, laws, name = run
+    loop = all_loops(loaded, laws)[name]
     variables = simulate(loop)
     if name not in loaded.config.runs:
         # What a user's law does not have, it returned at no sample.

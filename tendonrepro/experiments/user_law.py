@@ -50,6 +50,10 @@ def model_of(config: CompareConfig) -> SimpleNamespace:
 UserFunction: TypeAlias = Callable[..., object]
 """What a user gives as a law: whether it is one shows when it is called."""
 
+Sample: TypeAlias = tuple[Memory, Array, Array, Array, Array, Law]
+Signals: TypeAlias = tuple[Array, Array, Array, Array]
+"""What a law is asked with at a sample, and its answer, as a `CommandFunction`."""
+
 
 @dataclass(frozen=True)
 class UserLaw:
@@ -79,12 +83,10 @@ class UserLaw:
                 module = runpy.run_path(str(self.path), run_name=self.path.stem)
         else:
             module = {self.name: copy.deepcopy(self.given)}
-        if not callable(law := module.get(self.name)):
-            message = f"there is no function {self.name!r} that can be called"
+        law = module.get(self.name)
+        if not callable(law) or isinstance(law, type):
+            message = f"there is no function {self.name!r} that can be called, or an object that is one"
             raise UsageError(message, where=self.spec)
-        if isinstance(law, type):
-            message = f"is the class {law.__name__}, and a law is called as it stands"
-            raise UsageError(message, where=self.spec, hint=f"give an object of it: {law.__name__}()")
         return law, getattr(law, "setup", module.get("setup"))
 
     @contextmanager
@@ -105,23 +107,27 @@ class UserLaw:
 
 def laws_of(given: Sequence[str] | Mapping[str, UserFunction] | None) -> list[UserLaw]:
     """Laws named as ``FILE:NAME``, or given by name."""
-    laws = []
-    own = given if isinstance(given, Mapping) else {}
-    for spec in () if own else given or ():
-        file, _, name = spec.rpartition(":")
-        if not file or not name.isidentifier():
-            message = f"must be FILE:NAME, a Python file and a function in it, found {spec!r}"
-            raise UsageError(message, where="--law")
-        if not Path(file).is_file():
-            hint = "paths of --law begin in the current folder"
-            raise UsageError("there is no such file", where=file, hint=hint)
-        laws.append(UserLaw(name, Path(file)))
-    laws += [UserLaw(name, given=law) for name, law in own.items()]
+    if isinstance(given, Mapping):
+        laws = [UserLaw(name, given=law) for name, law in given.items()]
+    else:
+        laws = [_law_of(spec) for spec in given or ()]
     for law in laws:
         if "/" in law.name or unloaded_run(law.name):
             message = f"a law cannot be called {law.name!r}"
             raise UsageError(message, where="laws", hint=f"without a slash, and not ending in {PAYLOAD}")
     return laws
+
+
+def _law_of(spec: str) -> UserLaw:
+    file, _, name = spec.rpartition(":")
+    if not file or not name.isidentifier():
+        message = f"must be FILE:NAME, a Python file and a function in it, found {spec!r}"
+        raise UsageError(message, where="--law")
+    if not Path(file).is_file():
+        raise UsageError(
+            "there is no such file", where=file, hint="paths of --law begin in the current folder"
+        )
+    return UserLaw(name, Path(file))
 
 
 def with_user_laws(loaded: LoadedConfig, laws: Sequence[UserLaw]) -> LoadedConfig:
@@ -179,14 +185,10 @@ def _lane_function(law: UserLaw, _content: str) -> CommandFunction:
         message = f"the law {law.name} is told of its plant, and cannot run on many plants together"
         raise UsageError(message, where="--law", hint="leave out setup; knowledge comes through ddq_d")
 
-    def command(
-        memory: Memory, q: Array, q_d: Array, dq_d: Array, ddq_d: Array, gains: Law
-    ) -> tuple[Array, Array, Array, Array]:
-        answer = function(memory, q, q_d, dq_d, ddq_d, gains)
-        if isinstance(answer, np.ndarray):
-            blank = np.full(q.shape, np.nan)
-            return answer, blank, blank, blank
-        return cast("tuple[Array, Array, Array, Array]", answer)
+    def command(*sample: *Sample) -> Signals:
+        answer = function(*sample)
+        blank = np.full(sample[1].shape, np.nan)
+        return (answer, blank, blank, blank) if isinstance(answer, np.ndarray) else cast("Signals", answer)
 
     return command
 
@@ -201,20 +203,16 @@ def refuse_memory(law: UserLaw, loop: Loop) -> None:
 
     blank = SimpleNamespace()
     asked, fresh = checked(law, blank), checked(law, blank)
-    questions: list[tuple[Memory, Array, Array, Array, Array, Law]] = []
-    answers: list[tuple[Array, Array, Array, Array]] = []
+    last: list[tuple[Sample, Signals]] = []
 
-    def command(
-        memory: Memory, q: Array, q_d: Array, dq_d: Array, ddq_d: Array, gains: Law
-    ) -> tuple[Array, Array, Array, Array]:
-        questions.append((memory, q, q_d, dq_d, ddq_d, gains))
-        answers.append(asked(*questions[-1]))
-        return answers[-1]
+    def command(*sample: *Sample) -> Signals:
+        last[:] = [(sample, asked(*sample))]
+        return last[0][1]
 
     controller = cast("TimeDelayController", loop.controller)
     simulate(replace(loop, controller=replace(controller, command=command, on_lanes=False)))
-    pairs = zip(answers[-1], fresh(*questions[-1]), strict=True)
-    if not all(np.array_equal(last, first, equal_nan=True) for last, first in pairs):
+    ((sample, answer),) = last
+    if not np.array_equal(answer, fresh(*sample), equal_nan=True):
         message = f"the law {law.name} remembers earlier calls, and cannot run on many plants together"
         raise UsageError(message, where="--law", hint="memory has the torques, angles and rates before")
 
@@ -239,13 +237,12 @@ def checked(law: UserLaw, model: SimpleNamespace) -> CommandFunction:
         with law.explained():
             setup(model)
 
-    def command(
-        memory: Memory, q: Array, q_d: Array, dq_d: Array, ddq_d: Array, gains: Law
-    ) -> tuple[Array, Array, Array, Array]:
+    def command(*sample: *Sample) -> Signals:
         # What a law does to its arguments must not reach the run.
-        own = Memory(*(part.copy() for part in memory)), *(x.copy() for x in (q, q_d, dq_d, ddq_d)), gains
+        memory, *angles, gains = sample
+        q = sample[1]
         with law.explained():
-            answer = function(*own)
+            answer = function(Memory(*(x.copy() for x in memory)), *(x.copy() for x in angles), gains)
             answer = answer if isinstance(answer, tuple | list) else (answer, None, None, None)
             # What the law does not have is NaN, and is left out of the trace.
             parts = [np.full(q.shape, np.nan) if part is None else np.array(part) for part in answer]

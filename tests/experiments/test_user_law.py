@@ -157,7 +157,7 @@ def test_laws_of_a_mapping_run_here_with_the_configured_plant():
 
     laws = laws_of({"PD-law": Pd(), "away": away})
     loaded = with_user_laws(load_config("plain", "compare", overrides=SHORT, controllers=[1]), laws)
-    traces = [simulate_run((loaded, laws, name, None)) for name in all_loops(loaded, laws)]
+    traces = [simulate_run((loaded, laws, name)) for name in all_loops(loaded, laws)]
     file = trace_file(loaded, traces, make_manifest(loaded, 0.0))
     held = file.runs["PD-law"]
     assert not {"s", "H_hat", "epsilon"} & held.variables.keys()
