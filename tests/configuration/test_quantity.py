@@ -116,13 +116,9 @@ def test_source_must_say_where_from(source: str) -> None:
 @pytest.mark.parametrize(
     ("key", "value", "told"),
     [
-        ("manipulator.routing.winch_diameter", 0.04, True),  # mm
         ("manipulator.routing.winch_diameter.unit", "m", True),
-        ("manipulator.links.length.unit", "mm", True),
         ("manipulator.tensioner.force", 0, False),  # off
         ("manipulator.tensioner.force", 1e6, True),
-        ("runs.controller_1_payload.payload", 2e5, True),
-        ("manipulator.links.mass", [20, 9, 3], False),
         ("manipulator.links.mass", [20, 9, 3e4], True),
     ],
 )

@@ -161,9 +161,9 @@ def test_default_readings_are_printed_alternatives_and_pairs() -> None:
     assert len(names) == len(set(names)) == 2 + len(ALONE)
 
 
-@pytest.mark.parametrize("choice", ALONE + list(VARIATIONS), ids=lambda choice: choice.name)
-def test_a_name_leads_back_to_its_reading(choice: Reading) -> None:
-    assert parse_reading(choice.name) == choice
+def test_a_name_leads_back_to_its_reading() -> None:
+    for choice in (*ALONE, *VARIATIONS):
+        assert parse_reading(choice.name) == choice
 
 
 @pytest.mark.parametrize(
