@@ -9,10 +9,11 @@ from typing import Any, NamedTuple, TypeAlias
 from pydantic import TypeAdapter
 
 from tendonrepro.configuration.ensemble import EnsembleConfig, LoadedEnsemble, checked_ensemble
-from tendonrepro.configuration.from_base import MOST_JOINTS, extended, extended_matrix
+from tendonrepro.configuration.from_base import MOST_JOINTS
 from tendonrepro.configuration.load import (
     MANIPULATOR,
     MODELS,
+    ConfigSource,
     Draft,
     LoadedConfig,
     checked_config,
@@ -141,82 +142,41 @@ def init_arm(joints: int, out: Path) -> list[Path]:
     if not 1 <= joints <= MOST_JOINTS:
         raise UsageError(f"must be from 1 to {MOST_JOINTS}, found {joints}", where="--joints")
     arm, folder = (out, out.parent) if is_yaml(out) else (out / ARM_FILE, out)
-    texts = [
-        (arm, arm_text(joints, arm)),
-        (folder / "compare.yaml", compare_text(joints, arm)),
-        (folder / "decouple.yaml", decouple_text(joints, arm)),
-    ]
-    schema = folder / "schema.json", read_text(shipped_file(BASE).with_name("schema.json"))
-    return _write_new(folder, [*texts, schema], len(texts))
+    moving = [*range(1, joints + 1)]
+    each = [[joint] for joint in moving]
+    known = {
+        "n": joints,
+        "s": "" if joints == 1 else "s",
+        "file": arm.name,
+        "base": BASE,
+        "name": arm.stem.replace("_", " "),
+        "joints": moving,
+        "posture": [45] + [0] * (joints - 1),
+        "damping": DAMPING_FACTOR[joints],
+        "M_bar": M_BAR[joints],
+        "stroke": min(33, int(LARGEST_SWING / joints)),
+        "reach": min(28, int(LARGEST_REACH / joints)),
+        "turns": each if joints == 1 else [*each, moving],
+        **_numbers_of_base(joints),
+    }
+    files = [(arm, "arm"), (folder / "compare.yaml", "compare"), (folder / "decouple.yaml", "decouple")]
+    templates, schema = shipped_folder() / "templates", shipped_folder() / "schema.json"
+    texts = [(path, read_text(templates / f"{kind}.txt").format(**known)) for path, kind in files]
+    return _write_new(folder, [*texts, (folder / schema.name, read_text(schema))], len(texts))
 
 
-def arm_text(joints: int, path: Path) -> str:
-    """File of an arm with the base's numbers, to edit."""
-    base = load(read_text(shipped_file(BASE)), BASE)
-
-    def numbers(group: str, key: str) -> list[float]:
-        return extended(base[group][key]["value"], joints)
-
-    def rows(group: str, key: str) -> str:
-        matrix = extended_matrix(base[group][key]["value"], joints)
-        return "\n".join(f"    - [{', '.join(map(str, row))}]" for row in matrix)
-
-    return _template("arm").format(
-        n=joints,
-        s="" if joints == 1 else "s",
-        file=path.name,
-        base=BASE,
-        name=title_of(path),
-        length=_shared(numbers("links", "length"), sum(base["links"]["length"]["value"])),
-        mass=_shared(numbers("links", "mass"), sum(base["links"]["mass"]["value"])),
-        winch=numbers("routing", "winch_diameter")[0],
-        pulley=rows("routing", "pulley_diameter"),
-        sign=rows("routing", "sign"),
-        damping=DAMPING_FACTOR[joints],
-        stiffness=f"{numbers('tendons', 'axial_stiffness')[0]:.2g}".replace("e+0", "e"),
-    )
-
-
-def compare_text(joints: int, arm: Path) -> str:
-    """The comparison on the arm in a file, all its joints moving."""
-    return _template("compare").format(
-        compare="compare.yaml",
-        name=title_of(arm),
-        file=arm.name,
-        joints=_all(joints),
-        posture=[45] + [0] * (joints - 1),
-        M_bar=M_BAR[joints],
-        amplitude=min(33, int(LARGEST_SWING / joints)),
-    )
-
-
-def decouple_text(joints: int, arm: Path) -> str:
-    """The decoupling experiment on the arm in a file: each joint in turn, then all together."""
-    each = [[joint] for joint in _all(joints)]
-    return _template("decouple").format(
-        decouple="decouple.yaml",
-        name=title_of(arm),
-        file=arm.name,
-        joints=_all(joints),
-        posture=[45] + [0] * (joints - 1),
-        amplitude=min(28, int(LARGEST_REACH / joints)),
-        turns=each if joints == 1 else [*each, _all(joints)],
-    )
-
-
-def _template(name: str) -> str:
-    return read_text(shipped_folder() / "templates" / f"{name}.txt")
-
-
-def _all(joints: int) -> list[int]:
-    return list(range(1, joints + 1))
-
-
-def title_of(path: Path) -> str:
-    """Words for an arm from the name of its file."""
-    return path.stem.replace("_", " ")
-
-
-def _shared(values: list[float], whole: float) -> list[float]:
-    """Equal parts of the base's whole where there are more joints, so that the arm grows no longer."""
-    return values if sum(values) <= whole * (1.0 + 1e-9) else [round(whole / len(values), 3)] * len(values)
+def _numbers_of_base(joints: int) -> dict[str, object]:
+    """Numbers of an arm with so many joints, as the base has them; more joints make it no longer."""
+    arm = Draft(ConfigSource(f"base: {BASE}\njoints: {joints}\n", BASE, None), MANIPULATOR).tree
+    shown: dict[str, object] = {
+        "winch": arm["routing"]["winch_diameter"]["value"][0],
+        "stiffness": f"{arm['tendons']['axial_stiffness']['value'][0]:.2g}".replace("e+0", "e"),
+    }
+    for key, quantity in load(read_text(shipped_file(BASE)), BASE)["links"].items():
+        values, whole = arm["links"][key]["value"], sum(quantity["value"])
+        is_longer = sum(values) > whole * (1.0 + 1e-9)
+        shown[key] = [round(whole / joints, 3)] * joints if is_longer else [*values]
+    for key in ("pulley_diameter", "sign"):
+        rows = arm["routing"][key]["value"]
+        shown[key] = "\n".join(f"    - [{', '.join(map(str, row))}]" for row in rows)
+    return shown

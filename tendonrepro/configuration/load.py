@@ -248,7 +248,7 @@ class LoadedConfig:
 
     `tree` is `config` as plain values. `sha256` covers trajectory files too.
     Relative paths start at `folder`. `changes` are the overrides; `overrides` are the words of all that was
-    asked for. `remarks` are sentences about overrides that change nothing, and values that are unusual.
+    asked for. `remarks` are sentences about values that are unusual.
     """
 
     config: Config
@@ -336,17 +336,8 @@ def checked_config(
         overrides=tuple(recorded),
         inputs=(*draft.files, *trajectories),
         folder=draft.folder,
-        remarks=(*_unread(config, changes), *draft.remarks(config)),
+        remarks=tuple(draft.remarks(config)),
     )
-
-
-def _unread(config: Config, changes: Sequence[Override]) -> Iterator[str]:
-    """What the command line sets and no reading reads; a file may keep such a key for another time."""
-    named = {".".join(map(str, change.path)).removesuffix(".value") for change in changes}
-    if isinstance(config, CompareConfig):
-        for key, reading in config.control.unread().items():
-            if f"control.{key}" in named:
-                yield f"control.{key} changes nothing here: it is read only under {reading}"
 
 
 def numbers_of(controllers: str | Sequence[int]) -> list[int]:

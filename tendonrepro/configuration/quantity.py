@@ -127,10 +127,6 @@ class Moving(Vector):
     size = "moving"
 
 
-class Pair(Vector):
-    """A lower and an upper number."""
-
-
 class Matrix(_Several):
     """Rows of numbers, one per joint of the manipulator both ways."""
 

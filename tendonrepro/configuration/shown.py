@@ -8,8 +8,7 @@ from tendonrepro.configuration.models.readings import PRINTED
 BOTH = "weights=extrapolating+Delta_unit=deg"
 """Reading under which the published order comes out."""
 STEPS = "Delta_unit=deg+stored_torque=applied+torque_step=0.016"
-FINE_STEPS = "Delta_unit=deg+stored_torque=applied+torque_step=0.0032"
-"""Readings with Eq. (15) as printed under which it comes out on some plants."""
+"""Reading with Eq. (15) as printed under which it comes out on some plants."""
 STARTS_APART = "starts=apart"
 """Part of the name of a reading under which runs do not start on their reference."""
 

@@ -140,10 +140,6 @@ def load_grid(
         base,
         sha256=config_digest({point.label: point.loaded.sha256 for point in points}),
         inputs=tuple(dict.fromkeys(path for point in points for path in point.loaded.inputs)),
-        # Of a key that is read at one point, the sweep shows what it does.
-        remarks=tuple(
-            told for told in points[0].loaded.remarks if all(told in point.loaded.remarks for point in points)
-        ),
     )
     n = len(points[0].loaded.config.joints)
     axes = [

@@ -110,9 +110,6 @@ CHANGED_LINE = [
     ("compare", "    law: controller_2",
      "    start_offset: {value: [-50, 0], unit: deg, source: 'assumed: x'}"
      "\n    law: controller_2", "runs.controller_2.start_offset.value"),
-    ("compare", "    law: controller_2",
-     "    start_offset: {value: [0, 15], unit: deg, source: 'assumed: x'}"
-     "\n    law: controller_2", "runs.controller_2.start_offset.value"),
     ("compare", "    law: controller_3", "    friction_scale: {value: 0, unit: '1', source: 'assumed: x'}\n"
      "    law: controller_3", "runs.controller_3.friction_scale.value"),
     # checks across sections

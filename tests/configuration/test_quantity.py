@@ -16,9 +16,9 @@ from tendonrepro.configuration.quantity import (
     Joints,
     Matrix,
     Moving,
-    Pair,
     Physical,
     Scalar,
+    Vector,
     wrong_sizes,
 )
 from tendonrepro.configuration.strict_model import Model
@@ -31,7 +31,7 @@ class Sample(Model):
     count: Annotated[Scalar, Physical("1", "a count", above=0.0, whole=True)] | None = None
     lengths: Annotated[Joints, Physical("m", "lengths", above=0.0)] | None = None
     torques: Annotated[Moving, Physical("N m", "torques")] | None = None
-    band: Annotated[Pair, Physical("Hz", "a band", below=100.0)] | None = None
+    band: Annotated[Vector, Physical("Hz", "a band", below=100.0)] | None = None
     table: Annotated[Matrix, Physical("m", "a table")] | None = None
 
 

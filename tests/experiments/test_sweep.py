@@ -182,13 +182,6 @@ class TestValues:
             (values,) = sweep.parse_over([over]).values()
             np.testing.assert_array_equal(sweep.numbers_per_joint(values, 2), numbers)
 
-    @pytest.mark.parametrize(
-        ("more", "told"), [((), 1), (("control.readings.reference_acceleration=fed_forward,late",), 0)]
-    )
-    def test_a_key_that_no_point_reads_is_named(self, more, told):
-        found = sweep.load_grid(("control.reference_lag=10,20", *more), overrides=(ONE,))
-        assert len(found.base.remarks) == told
-
 
 class TestFigures:
     def test_lines_show_the_numbers(self):

@@ -14,7 +14,7 @@ from support import ROOT
 from support.html_page import read_page
 from support.made_ensemble import DIVERGED, PLANTS, always_ok, ensemble, random_errors, whole
 
-from tendonrepro.configuration.shown import FINE_STEPS, SHOWN
+from tendonrepro.configuration.shown import SHOWN
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import to_json
 from tendonrepro.monte_carlo.report import COLUMNS
@@ -135,7 +135,11 @@ def test_a_folder_without_results_is_told_by_what_it_holds(results, tmp_path):
 def summary_of_256():
     summary = whole(ensemble(random_errors, always_ok))
     held = summary["populations"]["box"]["readings"]
-    of_answer = {FINE_STEPS, "weights=extrapolating+reference_acceleration=absent", *SHOWN} - {"printed"}
+    of_answer = {
+        "Delta_unit=deg+stored_torque=applied+torque_step=0.0032",
+        "weights=extrapolating+reference_acceleration=absent",
+        *SHOWN,
+    } - {"printed"}
     held += [{**held[1], "name": name} for name in sorted(of_answer)]
     rest = dict.fromkeys(("tendonrepro_version", "config_sha256"), "0")
     rest |= {"cost": {}}
