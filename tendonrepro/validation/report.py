@@ -31,7 +31,7 @@ _TERMINAL = {
     "starts": ("run", "joint", "begin_s", "error_deg"),
     "residuals": (
         *("run", "joint", "measured_mae_deg", "simulated_mae_deg", "mae_ratio", "q_rms_deg", "lag_s"),
-        *("e_rms_deg", "e_rms_low_deg", "e_rms_high_deg"),
+        *("measured_calculated_mae_deg", "simulated_calculated_mae_deg", "e_rms_low_deg", "e_rms_high_deg"),
     ),
     "controllers": ("run", "joint", "answer", "surface", "readings", "weights", "advice"),
 }
@@ -68,7 +68,7 @@ def validation_result(validation: Validation, path: Path) -> Result:
             for name, ruling in rulings.items()
             if name not in JUDGED
         },
-        "residuals": {"rows": validation.residuals, "coupling": validation.coupling, "status": status},
+        "residuals": {"rows": validation.residuals, "status": status},
         "diverged": diverged,
         "controllers": validation.controllers,
         "missing": validation.missing,
@@ -84,7 +84,6 @@ def validation_result(validation: Validation, path: Path) -> Result:
         *_shown("starts", "Desired less measured angle where motions begin.", validation.starts),
         *([claims_table(rulings)] if windows else ()),
         *_shown("residuals", "Measured less simulated.", validation.residuals),
-        *_shown("coupling", "Angles through the coupling.", validation.coupling),
         *_shown("controllers", "Controllers of the runs, as recover finds.", told),
         *(f"Missing: {what}" for what in validation.missing),
     ]

@@ -16,14 +16,14 @@ from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.strict_yaml import Tree, dump, section
 from tendonrepro.console import Talk
-from tendonrepro.dataset.motion import Knots, Reference, recorded, thinned, zero_of
+from tendonrepro.dataset.motion import Knots, recorded, thinned, zero_of
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.evidence.recover_report import controllers_of
 from tendonrepro.experiments.run import begin_all, prepared, trace_file
-from tendonrepro.files import write_atomically
+from tendonrepro.files import Json, write_atomically
 from tendonrepro.parallel import workers
 from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
-from tendonrepro.physics.metrics import mean, start_level
+from tendonrepro.physics.metrics import mean
 from tendonrepro.results.paper import is_arm_of_paper, of_paper
 from tendonrepro.results.records import READ_OFF, PlantRecord, PlantValue, Trace, TraceFile, median_step
 from tendonrepro.results.store import make_manifest
@@ -35,11 +35,13 @@ from tendonrepro.verdicts.measurement import Measurement, judge_measured, measur
 from tendonrepro.verdicts.rules import Ruling
 
 _METRICS = {"mae": "mae", "rms": "rmse", "max": "max"}
+ANOTHER_MOTION_DEG = 1.0
+"""Difference of a run's desired angle from the motion that the model follows from which it is told, deg."""
 _SMOOTH = 0.05
 """Half the stretch of an encoder's signal whose ends tell its rate, s."""
 
 
-def comparison_rows(measured: Trace, simulated: Trace, start: float = -np.inf) -> Iterator[dict[str, object]]:
+def comparison_rows(measured: Trace, simulated: Trace, start: float = -np.inf) -> Iterator[Json]:
     """Put a measured run beside its simulation on the measured axes: a row for each joint.
 
     The motion begins at `start`, s. The simulation is interpolated, not shifted to fit. ``e_*`` and ``q_*``
@@ -114,7 +116,7 @@ def at(trace: Trace, name: str, time: Array) -> Array:
     return np.column_stack([np.interp(time, trace.time, column) for column in trace[name].T])
 
 
-def _row(columns: Mapping[str, Array], place: int) -> dict[str, object]:
+def _row(columns: Mapping[str, Array], place: int) -> Json:
     """Numbers of a joint, None where one cannot be told."""
     values = {name: column[place] for name, column in columns.items()}
     return {name: value.item() if np.isfinite(value) else None for name, value in values.items()}
@@ -147,28 +149,6 @@ def _lag(behind: Array, rate: Array) -> Array:
     return np.asarray(mean(behind * rate) / mean(rate**2))
 
 
-def coupling_rows(trace: Trace, plant: PlantRecord) -> Iterator[dict[str, object]]:
-    """Compare joint and motor angles of the decoupling run by the plant's ``S`` and ``S_inv``.
-
-    Differences are in degrees, as they are and less that at the start.
-    """
-    if not {"q_motor_encoder", "q_encoder"} <= set(trace.variables):
-        return
-    motor, encoder = trace["q_motor_encoder"], trace["q_encoder"]
-    S, S_inv = (plant.matrix(name, trace.joint) for name in ("S", "S_inv"))
-    differences = {
-        "joint angle, S q_motor less encoder": motor @ S.T - encoder,
-        "motor angle, S_inv q_encoder less motor": encoder @ S_inv.T - motor,
-    }
-    for what, apart in differences.items():
-        known = np.isfinite(apart).all(axis=1)
-        if known.any():
-            shifted = apart - start_level(trace.time[known], apart[known])
-            columns = _differences("", apart[known]) | _differences("shifted_", shifted[known])
-            for place, number in enumerate(trace.joint):
-                yield {"what": what, "number": number} | _row(columns, place)
-
-
 _OF_COMPARE = {"q_encoder": "q_d", "q_d": "q_d"}
 _OF_DECOUPLE = {name: name for name in ("q_encoder", "q_motor_encoder", "q_calculated")}
 """Angles of a rerun, and the measured variable whose start they get."""
@@ -184,21 +164,14 @@ def reruns(
     """
     runs: dict[str, Trace] = {}
     missing: list[str] = []
-    reference, compared = measurement.reference, measurement.compare.runs
-    apart = {run: departure(trace, reference) for run, trace in compared.items() if reference}
     for experiment, prepare in (("compare", write_compare), ("decouple", write_decouple)):
         if measurement.file.part(experiment).runs:
             try:
                 zeros = prepare(measurement, base, name, folder)
-                followed = {run: zero for run, zero in zeros.items() if not apart.get(run)}
-                runs |= simulated(folder / f"{experiment}.yaml", followed, measurement.file, talk)
+                runs |= simulated(folder / f"{experiment}.yaml", zeros, measurement.file, talk)
             except TendonreproError as error:
                 told = str(error).replace("\n", "; ")
                 missing.append(f"a rerun of {experiment}: {told}")
-    for run, size in apart.items():
-        if reference and size:
-            other = f"{np.rad2deg(size):.3g} deg from that of {reference.run}"
-            missing.append(f"residuals of {run}: its desired motion is {other}")
     return runs, missing
 
 
@@ -270,8 +243,7 @@ def write_decouple(measurement: Measurement, base: LoadedConfig, name: str, fold
     tree["title"] = f"{tree['title']}, on the {drives}' angles measured in {name}"
     knots = thinned(recorded(trace, variable))
     motion = _write_motion(knots, trace.joint, folder / "decouple_reference.csv")
-    payload = section(tree, "runs", "decouple")["payload"]
-    tree["runs"] = {"decouple": {"drives": drives, "reference": motion, "payload": payload}}
+    tree["runs"] = {"decouple": section(tree, "runs", "decouple") | {"drives": drives, "reference": motion}}
     write_atomically(folder / "decouple.yaml", dump(tree))
     return {trace.name: float(trace.time[0])}
 
@@ -283,24 +255,6 @@ def _write_motion(knots: Knots, joint: Sequence[int], path: Path) -> Tree:
     rows = np.column_stack([knots.time, np.rad2deg(knots.angle)]) + 0.0
     np.savetxt(path, rows, "%.9g", ",", header=heads, comments="")
     return {"kind": "sampled", "file": path.name}
-
-
-def departure(trace: Trace, reference: Reference) -> float:
-    """Largest difference of a run's desired motion from a recovered one, rad.
-
-    It is 0 if rounding, noise and one sample of time explain it, or nothing was recorded.
-    """
-    record, ours = reference.record, trace.of_joints(reference.record.joint)
-    if "q_d" not in ours or ours.joint != record.joint:
-        return 0.0
-    time = ours.time - zero_of(trace, reference)
-    inside = (time >= 0.0) & (time <= record.time[-1])
-    q_d = ours["q_d"] - start_of(ours, "q_d", ours.joint)
-    apart = float(np.nanmax(np.abs(q_d - record.at(time))[inside], initial=0.0))
-    late = max(record.step, median_step(time))
-    fastest = np.abs(np.diff(record.q, axis=0)).max() / record.step
-    # Each of the two records has its own rounding and noise.
-    return apart if apart > 2.0 * reference.knots.tolerance + late * fastest else 0.0
 
 
 def aligned(simulated: Trace, measured: Trace, zero: float) -> Trace:
@@ -331,8 +285,8 @@ class Validation:
     """What a measurement says of paper and model.
 
     `rulings` are by the id of a claim or number, `models` are its reruns by run, and `residuals` compare with
-    these. `starts` are errors where motions begin. `coupling` compares joint with motor angles. `controllers`
-    tells what made the runs. Of a bench that is not the paper's nothing is judged.
+    these. `starts` are errors where motions begin. `controllers` tells what made the runs. Of a bench that is
+    not the paper's nothing is judged.
     """
 
     of_paper: bool
@@ -341,7 +295,6 @@ class Validation:
     models: Mapping[str, Trace]
     residuals: TableRows
     starts: TableRows
-    coupling: TableRows
     controllers: TableRows
     missing: Sequence[str]
 
@@ -360,25 +313,31 @@ def validated(file: TraceFile, name: str, base: LoadedConfig, site: Site) -> Val
         file = with_coupling(file, config.manipulator)
         measurement = measurement_of(file, None, config.joints)
     models, not_rerun = reruns(measurement, base, name, site.files, site.talk)
-    compare, decouple = measurement.compare, file.part("decouple").runs.get("decouple")
+    compare = measurement.compare
     starts = {run: measurement.timing[run].start for run in compare.runs}
     own = None if is_papers else base
     controllers = controllers_of(compare, site.talk, site.start, own) if compare.runs else []
+    residuals = [
+        row
+        for run, model in models.items()
+        for row in comparison_rows(file.runs[run], model, starts.get(run, -np.inf))
+    ]
+    elsewhere = [
+        f"the motion of {row['run']}: its desired angle of joint {row['joint']} is "
+        f"{row['q_d_max_deg']:.3g} deg from the one that the model follows"
+        for row in residuals
+        if (row.get("q_d_max_deg") or 0.0) > ANOTHER_MOTION_DEG
+    ]
     expected = (*RUNS, "decouple") if is_papers else config.runs
     return Validation(
         is_papers,
         measurement,
         rulings=judge_measured(measurement, published()) if is_papers else {},
         models=models,
-        residuals=[
-            row
-            for run, model in models.items()
-            for row in comparison_rows(file.runs[run], model, starts.get(run, -np.inf))
-        ],
+        residuals=residuals,
         starts=[row for run, begin in starts.items() for row in start_rows(compare.runs[run], begin)],
-        coupling=[*coupling_rows(decouple, file.plant)] if decouple else [],
         controllers=controllers,
-        missing=[f"the run {run}" for run in expected if run not in file.runs] + not_rerun,
+        missing=[f"the run {run}" for run in expected if run not in file.runs] + not_rerun + elsewhere,
     )
 
 

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.measured_synthetic import measured_trace, moved, with_runs
-from support.synthetic import COUNT, S, make_compare_file, make_decouple_file
+from support.measured_synthetic import measured_trace, with_runs
+from support.synthetic import COUNT, make_compare_file, make_decouple_file
 
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.reference import read_samples
@@ -13,12 +13,9 @@ from tendonrepro.configuration.published import published
 from tendonrepro.console import QUIET
 from tendonrepro.dataset.motion import recorded, thinned
 from tendonrepro.results.records import Trace
-from tendonrepro.validation import validated
 from tendonrepro.validation.validated import (
     aligned,
     comparison_rows,
-    coupling_rows,
-    departure,
     reruns,
     start_rows,
     write_compare,
@@ -62,11 +59,6 @@ class TestLag:
         elsewhere = {"q_encoder": ours["q_encoder"][:1667] + np.deg2rad(1.0)}
         for row in comparison_rows(replace(ours, time=ours.time[:1667], variables=elsewhere), model):
             assert row["lag_s"] == pytest.approx(self.LATE, rel=0.05)
-
-    def test_a_model_at_rest_tells_no_lag(self):
-        ours, model = self.pair(np.deg2rad(2.0), 2.5)
-        still = replace(model, variables={"q_encoder": np.zeros_like(model["q_encoder"])})
-        assert [row["lag_s"] for row in comparison_rows(ours, still)] == [None, None]
 
 
 class TestSizes:
@@ -132,30 +124,6 @@ def _measured():
     return measurement_of(MOVES, published())
 
 
-class TestDeparture:
-    @pytest.mark.parametrize(("share", "by"), [(0.7, 0.0), (1.02, 0.7), (-1.0, 0.7)])
-    def test_a_run_that_moved_otherwise_is_told_by_how_far(self, measured, share, by):
-        second = MOVES.runs[SECOND]
-        far = np.rad2deg(departure(moved(second, share * second["q_d"], by), measured.reference))
-        assert far == pytest.approx(30.0 * abs(1.0 - share), rel=0.1)
-
-    @pytest.mark.parametrize(("counts", "by"), [(0.0, 0.7), (0.3, 0.7013), (20.8, 0.0)])
-    def test_where_when_and_how_roughly_it_was_recorded_is_no_departure(self, measured, counts, by):
-        second = MOVES.runs[SECOND]
-        smooth = moved(second, second["q_d"] + counts * COUNT, by)
-        q_d = COUNT * np.round(smooth["q_d"] / COUNT)
-        q_d[500:600] = np.nan
-        assert departure(smooth, measured.reference) == 0.0
-        assert departure(replace(smooth, variables={"q_d": q_d}), measured.reference) == 0.0
-        assert departure(replace(smooth, variables={"e": second["e"]}), measured.reference) == 0.0
-
-    @pytest.mark.parametrize(("samples", "departs"), [(-0.8, False), (0.8, False), (-2.5, True), (2.5, True)])
-    def test_one_sample_of_time_is_no_departure(self, measured, samples, departs):
-        """Of the reference's own run, whose time is not adjusted."""
-        first = MOVES.runs[FIRST]
-        assert (departure(moved(first, first["q_d"], samples * STEP), measured.reference) > 0.0) is departs
-
-
 def test_only_what_the_simulation_reached_is_compared():
     model = make_compare_file(step=0.01, diverged={FIRST: 5.0}).runs[FIRST]
     (row, _) = comparison_rows(measured_trace(make_compare_file(step=0.01).runs[FIRST]), model)
@@ -193,19 +161,15 @@ def test_a_mass_that_is_the_configurations_keeps_its_source(measured, tmp_path):
     assert found == runs
 
 
-def test_why_there_is_no_rerun_of_a_run_is_said(tmp_path, monkeypatch):
+def test_why_there_is_no_rerun_is_said(tmp_path):
     def missing_of(file):
         measured, base = measurement_of(file, published()), load_config(None, "compare")
         return reruns(measured, base, "SYNTHETIC.h5", tmp_path, QUIET)[1]
 
-    trace, second, asked = MOVES.runs[FIRST], MOVES.runs[SECOND], []
+    trace = MOVES.runs[FIRST]
     for factor, why in ((0.0, "q_d does not move"), (-4.0, "deg")):
         file = replace(MOVES, runs={FIRST: measured_trace(trace, q_d=factor * trace["q_d"])})
         assert [why in text for text in missing_of(file)] == [True]
-    monkeypatch.setattr(validated, "simulated", lambda _path, zeros, *_: asked.extend(zeros) or {})
-    elsewhere = with_runs(MOVES, controller_2=moved(second, 0.7 * second["q_d"]))
-    assert [SECOND in text and "9 deg" in text for text in missing_of(elsewhere)] == [True]
-    assert set(asked) == set(MOVES.runs) - {SECOND}
 
 
 @pytest.mark.parametrize(("drives", "variable"), [("motors", "q_motor_encoder"), ("joints", "q_encoder")])
@@ -228,23 +192,3 @@ def test_the_decoupling_motion_is_that_of_what_was_recorded(drives, variable, tm
     assert found["drives"] == drives
     assert found["reference"] == {"kind": "sampled", "file": "decouple_reference.csv"}
     assert found["payload"] == load_config(None, "decouple").tree["runs"]["decouple"]["payload"]
-
-
-def test_sizes_of_the_coupling_are_those_of_the_differences_that_are_there():
-    file = make_decouple_file(source="measured")
-    trace = file.runs["decouple"]
-    encoder = trace["q_encoder"].copy()
-    encoder[103, 1] = np.nan
-    variables = {"q_encoder": encoder[100:], "q_motor_encoder": trace["q_motor_encoder"][100:]}
-    run = replace(trace, time=trace.time[100:], variables=variables)
-    apart = np.delete(run["q_motor_encoder"] @ S.T - run["q_encoder"], 3, axis=0)
-    first = np.delete(run.time, 3) <= run.time[0] + 0.1
-    turned = -apart @ np.linalg.inv(S).T
-    rows = list(coupling_rows(run, file.plant))
-    assert [row["number"] for row in rows] == [1, 2, 3, 1, 2, 3]
-    for row, column in zip(rows, np.hstack([apart, turned]).T, strict=True):
-        for prefix, values in (("", column), ("shifted_", column - np.median(column[first]))):
-            size = np.rad2deg(np.abs(values))
-            assert row[f"{prefix}mae_deg"] == pytest.approx(size.mean(), rel=1e-9)
-            assert row[f"{prefix}max_deg"] == pytest.approx(size.max(), rel=1e-9)
-    assert list(coupling_rows(replace(run, variables={"q_encoder": run["q_encoder"]}), file.plant)) == []

@@ -34,7 +34,6 @@ class TestKnownAnswers:
             ("table2.controller_2.rmse.joint_3", 0.9, "outside_model", {"C2": "direction_only"}),
             ("share.controller_1_of_2.mae.joint_2", 50.0, "direction_only", {"A1": "not_reproduced"}),
             ("increase.with_load.mae.joint_3", 60.0, "direction_only", {"P1": "direction_only"}),
-            ("table3.no_load.mae.joint_2", 0.9, "not_reproduced", {}),
             ("S.21", 0.2185, "not_reproduced", {"K1": "not_reproduced"}),
             ("hardware.encoder_resolution", 0.088, "not_reproduced", {}),
         ],
@@ -46,25 +45,12 @@ class TestKnownAnswers:
         assert {claim: after[claim].verdict for claim in others} == others
         assert {before[claim].verdict for claim in others} <= OK_NAMES
 
-    def test_a_reversed_ranking_is_contradicted(self, data, paper):
-        for name in ("mae", "rmse"):
-            first, third = (data.values[f"controller_{k}", PRINTED, name].copy() for k in (1, 3))
-            data.values["controller_1", PRINTED, name] = third
-            data.values["controller_3", PRINTED, name] = first
-        found = verdict_on(data, paper, "C2")
-        assert found.verdict == "contradicted"
-        assert found.ours == 0.0
-        assert {row["verdict"] for row in found.evidence["statements"]} == {"contradicted"}
-        assert found.evidence["opposite"]["share"] == 1.0
-        assert [row["share"] for row in found.evidence["beside"]] == [0.0, 1.0, 0.0, 1.0, 1.0]
-        assert any("measured hardware" in remark for remark in found.evidence["remarks"])
-        assert verdict_on(data, paper, "share.controller_1_of_3.mae.joint_2").verdict == "contradicted"
-
 
 FIRST, SECOND, THIRD = CONTROLLERS
 LOADED = "controller_1_payload"
 SURFACES = ("s_rms", "s_slow_rms")
 OPPOSITES = {
+    "C2": [(FIRST, PRINTED, ["mae", "rmse"], 1.3), (THIRD, PRINTED, ["mae", "rmse"], 0.8)],
     "F1": [(FIRST, PRINTED, ["rmse"], 1.2), (THIRD, PRINTED, ["rmse"], 0.8)],
     "C3": [(FIRST, PRINTED, ["mae_rapid"], 2.0)],
     "C4": [(SECOND, PRINTED, SURFACES, 1.1)],
@@ -106,7 +92,7 @@ class TestEveryClaimCanFail:
         for run, reading, names, factor in OPPOSITES[claim]:
             spoil(data, run, names, factor, reading)
         found = verdict_on(data, paper, claim)
-        assert found.verdict == "contradicted"
+        assert (found.verdict, found.ours) == ("contradicted", 0.0)
         assert {row["verdict"] for row in found.evidence["statements"]} == {"contradicted"}
         assert found.evidence["opposite"]["share"] == 1.0
 

@@ -21,7 +21,7 @@ from tendonrepro.verdicts.measurement import (
     motor_angles,
     with_surface,
 )
-from tendonrepro.verdicts.statements import HALVED, Plants, RunUnder, claim_on
+from tendonrepro.verdicts.statements import Plants
 from tendonrepro.verdicts.words import statements
 
 
@@ -126,12 +126,6 @@ class TestComparison:
             with pytest.raises(DataMissingError, match=message):
                 arm["controller_3", "s_rms"]
 
-    def test_no_variation_of_a_run_was_measured(self):
-        arm = Plants(Measurement(comparison(), EMPTY, None), PRINTED)
-        assert not arm.has(RunUnder("controller_2", HALVED))
-        with pytest.raises(DataMissingError):
-            claim_on(arm, published(), "small_inertia")
-
     def test_joint_1_at_rest_without_a_desired_angle_changes_nothing(self):
         file = replace(comparison(GROWING), plant=make_decouple_file().plant)
         runs = {name: with_joint_1(trace) for name, trace in file.runs.items()}
@@ -140,8 +134,9 @@ class TestComparison:
         assert all(one.verdict == two[name].verdict for name, one in three.items())
         assert three["C5"].evidence["statements"] == two["C5"].evidence["statements"]
 
-    @pytest.mark.parametrize("joint", [2, 3])
-    @pytest.mark.parametrize("claim", ["C1", "C2", "C3", "C4", "C5", "C6", "P1"])
+    @pytest.mark.parametrize(
+        ("claim", "joint"), [("C1", 2), ("C2", 3), ("C3", 2), ("C4", 3), ("C5", 2), ("C6", 3), ("P1", 2)]
+    )
     def test_a_joint_that_was_not_recorded_is_no_failure(self, claim, joint):
         """All compare numbers, and what is missing is smaller than none."""
         variable = {"C4": "s", "C5": "H_hat", "C6": "tau_m"}.get(claim, "e")
@@ -208,10 +203,6 @@ def decoupled(trace=DECOUPLED, **variables):
 
 
 class TestAngles:
-    def test_calculated_angles_follow_from_the_motors(self):
-        bare = decoupled(without(DECOUPLED, "q_calculated"))
-        assert decoupling(bare).evidence == decoupling(DECOUPLE_FILE).evidence
-
     @pytest.mark.parametrize(("desired", "measured"), [(1.0, np.nan), (0.0, 0.0)], ids=["lost", "still"])
     def test_k3_and_k5_need_samples_of_what_moves(self, desired, measured):
         file = make_compare_file(step=0.02, source="measured", runs=("controller_2",))
@@ -237,18 +228,11 @@ class TestAngles:
         file = make_compare_file(step=0.02, source="measured", runs=("controller_2",))
         trace = file.runs["controller_2"]
         S_inv = file.plant.matrix("S_inv", trace.joint)
-        q_d = trace["q_d"].copy()
-        reach = np.ptp(q_d @ S_inv.T, axis=0).max()
-        apart = reach * np.array([0.5 * share, -share])
-        shaken = np.where(np.arange(len(q_d)) % 2, 0.5, 1.5)[:, np.newaxis] * apart
-        q_encoder = q_d + shaken @ np.linalg.inv(S_inv).T
-        q_d[5:7] = q_encoder[8:10, 1] = np.nan
-        q_d, q_encoder = q_d[: len(q_d) // 2 * 2], q_encoder[: len(q_d) // 2 * 2]
-        variables = {"q_d": q_d, "q_encoder": q_encoder}
-        run = replace(measured_trace(trace), time=trace.time[: len(q_d)], variables=variables)
-        found = motor_angles(replace(file, runs={"controller_2": run}))
-        assert found.verdict == ("reproduced" if share < 0.05 else "not_reproduced")
-        rows = found.evidence["statements"]
+        apart = np.ptp(trace["q_d"] @ S_inv.T, axis=0).max() * np.array([0.5 * share, -share])
+        q_encoder = trace["q_d"] + apart @ np.linalg.inv(S_inv).T
+        q_encoder[8:10, 1] = np.nan
+        run = measured_trace(trace, q_encoder=q_encoder)
+        rows = motor_angles(replace(file, runs={"controller_2": run})).evidence["statements"]
         assert [row["share_of_range"] for row in rows] == pytest.approx([0.5 * share, share], rel=1e-9)
         assert [row["mae_deg"] for row in rows] == pytest.approx(np.rad2deg(np.abs(apart)), rel=1e-9)
         assert [row["holds"] for row in rows] == [True, share < 0.05]
@@ -276,6 +260,9 @@ class TestAngles:
         apart = np.deg2rad([0.1, 0.2, 0.4]) * (2.0 + np.sin(DECOUPLED.time))[:, np.newaxis]
         level = np.median(apart[DECOUPLED.time <= 0.1], axis=0)
         found = decoupling(decoupled(q_calculated=DECOUPLED["q_encoder"] + apart)).evidence
+        # Those that nobody recorded follow from the motors.
+        bare = decoupled(without(DECOUPLED, "q_calculated"))
+        assert decoupling(bare).evidence == decoupling(DECOUPLE_FILE).evidence
         assert found["mae_deg"] == pytest.approx(np.rad2deg(np.abs(apart - level).mean(axis=0)), rel=1e-9)
 
 

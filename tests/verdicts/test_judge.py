@@ -1,6 +1,5 @@
 """The ledger: what changes a verdict, what is missing, what decides, and how it is written."""
 
-import csv
 from dataclasses import replace
 
 import pytest
@@ -9,7 +8,7 @@ from support.made_claims import ESTIMATES, MadeEnsemble, paper_of, spoil, verdic
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.errors import UsageError
 from tendonrepro.verdicts.judge import judge_all
-from tendonrepro.verdicts.ledger import as_data, changed
+from tendonrepro.verdicts.ledger import changed
 from tendonrepro.verdicts.report import claims_table, table_text
 from tendonrepro.verdicts.rules import FAILURES
 from tendonrepro.verdicts.statements import IDEAL_LONGER, LONGER
@@ -87,44 +86,15 @@ class TestWhatIsMissing:
 
 
 class TestLedger:
-    @pytest.fixture
-    def found(self, data, paper):
+    def test_baseline(self, data, paper):
         spoil(data, "controller_1", ESTIMATES, 2.0)
-        return judge_all(data, paper)
-
-    def test_keys_are_those_promised(self, found):
-        content = as_data(found)
-        promised = {
-            *("id", "where", "kind", "printed", "ours", "unit", "rule", "verdict", "evidence"),
-            *("depends_on", "readings_that_change_it"),
-        }
-        assert all(promised <= claim.keys() for claim in content["claims"])
-        repeats = {v.id.partition(".")[0]: v.repeats for v in found if v.repeats}
-        assert repeats == {
-            **{"S_inv": "Table 1", "S": "K1", "table3": "Table 2", "rmse_over_mae": "F1"},
-            **{"joints": "F2", "share": "C2", "increase": "P1"},
-        }
-        once = [claim for claim in content["claims"] if claim["repeats"] is None]
-        assert sum(content["summary"].values()) == len(once) < len(found)
-        assert content["summary"]["exact"] == 6 + len(["K1", "A1", "encoder"])
-        assert content["summary"]["contradicted"] == 1
-
-    def test_baseline(self, found):
+        found = judge_all(data, paper)
         baseline = {verdict.id: verdict.verdict for verdict in found}
         assert changed(baseline, found) == {}
         now = [replace(v, verdict="compatible") if v.id == "E1" else v for v in found if v.id != "K1"]
         assert changed(baseline, now) == {"K1": ("exact", None), "E1": ("contradicted", "compatible")}
         # What a baseline does not hold has not changed.
         assert changed({"E1": "contradicted"}, now) == {"E1": ("contradicted", "compatible")}
-
-    def test_files(self, found, tmp_path):
-        paths = claims_table(found).write(tmp_path)
-        assert [path.name for path in paths] == ["claims.csv", "claims.md"]
-        with paths[0].open(encoding="utf-8", newline="") as file:
-            rows = {row["id"]: row for row in csv.DictReader(file)}
-        assert rows["E1"]["verdict"] == "contradicted"
-        assert float(rows["table2.controller_1.mae.joint_2"]["also_passing"]) > 0.0
-        assert (rows["S.21"]["repeats"], rows["K1"]["repeats"]) == ("K1", "")
 
 
 def test_which_unknown_decides(data, paper):

@@ -146,7 +146,6 @@ class TestPage:
         ("pattern", "value"),
         [
             (r"at least (\d+) %: its direction is confirmed", 100 * rules.MOST),
-            (r"opposite\*\* holds on at least (\d+) %: `contradicted`", 100 * rules.MOST),
             (r"3\. at most (\d+) %: `not_met`", 100 * rules.FEW),
             (r"From (0\.\d+) on the verdict is `no_power`", rules.NO_POWER),
             (r"low-pass at (\d+) Hz", SLOW),
@@ -158,7 +157,6 @@ class TestPage:
             (r"less than (\d+) % of its expected", 100 * (1 + from_print.NEARLY)),
             (r"on joint 1 below (\d+) %", 100 * TINY),
             (r"on every joint below (\d+) %", 100 * AGREES),
-            (r"MAE of each motor below (\d+) % of the desired range", 100 * AGREES),
             (r"moves less than (\d+)°", np.rad2deg(LEAST_RANGE)),
             (r"spread evenly within (\d+) % of the print", 100 * SPREAD),
             (r"links at least (\d+)° from the edges", MARGINS[0]),
