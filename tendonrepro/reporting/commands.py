@@ -35,12 +35,13 @@ def live(
         The page.
     """
     from tendonrepro.configuration.load import load_config
-    from tendonrepro.reporting.live.page import live_text, write_page
+    from tendonrepro.reporting.live.page import write_page
 
     is_own = config is not None or bool(set)
     loaded = load_config(config, "compare", overrides=set) if is_own else None
     page = write_page(Path(out), loaded, force=force)
-    return Answer(page, live_text(page), Path(page["path"]))
+    text = f"{page['path']}: {page['bytes'] / 1e3:.0f} kB, open it in a browser"
+    return Answer(page, text, Path(page["path"]))
 
 
 @command(PAGES, Example(out="review.html"))

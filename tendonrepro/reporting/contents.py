@@ -15,7 +15,7 @@ from tendonrepro.reporting.readings import Shown
 from tendonrepro.verdicts.words import percent, two_digits
 
 TEMPLATES = Path(__file__).with_name("templates")
-WORDS = ("headline", "drawn", "answer", "why", "robustness")
+WORDS = ("headline", "drawn", "answer", "why", "robustness", "assumed")
 """Templates of what is said of an ensemble."""
 
 BOX_HEADS = ("Row", "Range or choices", "Nominal", "Unit", "Scale", "Confidence", "From")
@@ -46,7 +46,7 @@ def rendered(
     templates = environment(*folders)
     templates.filters |= filters or {}
     known |= {"r": shown.box, "drawn": shown.plants["box"]}
-    known |= {"labels": SHOWN, "conditions": conditions_in_words()}
+    known |= {"labels": SHOWN, "conditions": f"Every run {EVERY_RUN}."}
     return templates.get_template(f"{name}.md").render(**known).strip()
 
 
@@ -56,17 +56,6 @@ def has_all_words(shown: Shown) -> bool:
         return all(rendered(name, shown) for name in WORDS)
     except jinja2.UndefinedError:
         return False
-
-
-def conditions_in_words() -> str:
-    """What every run does as published."""
-    return f"Every run {EVERY_RUN}."
-
-
-def cells_of(table: str) -> list[list[str]]:
-    """Cells of a pipe table, its heads first."""
-    heads, _, *rows = table.splitlines()
-    return [[cell.strip() for cell in row.strip("|").split("|")] for row in (heads, *rows)]
 
 
 def box_rows() -> Iterator[tuple[str, ...]]:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
-from matplotlib.axes import Axes
 
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import published
@@ -121,34 +118,14 @@ def draw_orders(shown: Shown) -> Drawing:
         texts = [f"{100.0 * part:.0f} %" if part >= _LABELLED else "" for part in share]
         panel.bar_label(bars, texts, label_type="center", color=ink, fontsize=7)
         left += share
-    _mark_without_start(panel, [name for _, name in rows], readings)
-    # Bars first, in their order; matplotlib would begin with the marks.
-    entries = sorted(
-        zip(*panel.get_legend_handles_labels(), strict=True), key=lambda entry: entry[1] not in _LOOKS
-    )
-    figure.legend(
-        *zip(*entries, strict=True), loc="outside upper center", ncols=3, handlelength=1.4, columnspacing=1.2
-    )
+    figure.legend(loc="outside upper center", ncols=2, handlelength=1.4, columnspacing=1.2)
     caption = (
         "How the three controllers rank by their tracking errors, the smallest first. Shares are of the "
         "plants on which all three are stable. Each row is one way to understand the paper, or one change "
         "to it. A place counts where it holds in mean absolute error (MAE) and root mean square error "
-        "(RMSE) on both joints. Where runs start apart, diamonds are where dark grey begins without the "
-        "first two seconds."
+        "(RMSE) on both joints."
     )
     return Drawing("orders", figure, [panel], caption, origin=of_plants(shown))
-
-
-def _mark_without_start(panel: Axes, names: Sequence[str], readings: Sequence[Row | None]) -> None:
-    """Mark where the last bar of runs that start apart would begin without the first two seconds."""
-    edges = [
-        (1.0 - reading["late"], row)
-        for row, (name, reading) in enumerate(zip(names, readings, strict=True))
-        if reading and STARTS_APART in name.split("+") and reading["plants"]
-    ]
-    if edges:
-        look: Look = {"markersize": 4.5, "mfc": "white", "mec": "black", "mew": 0.8}
-        panel.plot(*zip(*edges, strict=True), "D", label="where “last” begins without the first 2 s", **look)
 
 
 def order_shares(reading: Row) -> list[float]:

@@ -5,10 +5,8 @@ from __future__ import annotations
 import base64
 import math
 import re
-from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
-from typing import TypedDict
 
 from markdown_it import MarkdownIt
 from markupsafe import Markup
@@ -17,15 +15,13 @@ from PIL import Image
 from tendonrepro import __version__
 from tendonrepro.configuration.strict_yaml import Node
 from tendonrepro.errors import DataMissingError
-from tendonrepro.files import refuse_foreign, shipped, write_atomically
+from tendonrepro.files import Json, refuse_foreign, shipped, write_atomically
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.figures import draw_answer, draw_orders
 from tendonrepro.reporting.stored import (
     PARTS,
-    RESULTS,
     ReportSources,
     again_of,
-    contents_of,
     other_arm,
     stored_under,
 )
@@ -47,26 +43,13 @@ _COLUMN_PT = 300.0
 _READER = MarkdownIt("commonmark", {"html": False}).enable("table").disable("image")
 
 
-class ReportFile(TypedDict):
-    """What ``--json`` prints: the page, where its parts come from, and why other folders are not shown.
-
-    `holds` says what lies in the folder where none of it is a result.
-    """
-
-    schema_version: int
-    path: str
-    bytes: int
-    parts: dict[str, str]
-    left_out: Mapping[str, str]
-    holds: str | None
-
-
 def run_report(
     folder: Path, out: Path | None, *, force: bool, again: str | None = "tendonrepro report"
-) -> ReportFile:
+) -> Json:
     """Write the page of the folder above the results, or of one; return what ``--json`` prints.
 
-    It replaces an earlier page; any other file with `force` alone. `again` is how it was called.
+    That is the page, where its parts come from, and why other folders are not shown. It replaces an earlier
+    page; any other file with `force` alone. `again` is how it was called.
 
     Raises
     ------
@@ -75,18 +58,14 @@ def run_report(
     DataMissingError
         If there is no such folder, or something in it is damaged.
     """
-    # In the result of one command the page would be a foreign file.
-    alone = (folder / MANIFEST).exists()
-    if out is None and alone:
-        # Only a resolved path names the current folder, or the one above.
-        named = folder.resolve() if folder.name in ("", "..") else folder
-        out = named.with_name(f"{named.name}.html")
-    path = out or folder / "report.html"
-    if folder.is_file():
-        hint = "name the folder above the results, such as reports, or a result in it"
-        raise DataMissingError("is a file, not a folder of results", where=str(folder), hint=hint)
     if not folder.is_dir():
-        raise DataMissingError("no such folder", where=str(folder), hint="run tendonrepro reproduce first")
+        hint = "name the folder above the results, such as reports, or a result in it"
+        raise DataMissingError("is no folder of results", where=str(folder), hint=hint)
+    path = out or folder / "report.html"
+    # In the result of one command the page would be a foreign file.
+    if out is None and (folder / MANIFEST).exists():
+        named = folder.resolve()
+        path = named.with_name(f"{named.name}.html")
     refuse_foreign(path, _MARK, force=force)
     sources = stored_under(folder)
     content = page(sources, again).encode(errors="backslashreplace")
@@ -95,27 +74,13 @@ def run_report(
     parts = {
         name: origin for name, origin in sources.origins.items() if not sources.own_arm or origin == "run"
     }
-    has_results = {"run", "here"} & {*sources.origins.values()} or any(folder.glob(RESULTS))
-    return {
-        "schema_version": 1,
-        "path": str(path),
-        "bytes": len(content),
-        "parts": parts,
-        "left_out": sources.left_out,
-        "holds": None if has_results else contents_of(folder, but=path.name),
-    }
+    head = {"schema_version": 1, "path": str(path), "bytes": len(content)}
+    return {**head, "parts": parts, "left_out": sources.left_out}
 
 
-def report_text(report: ReportFile) -> str:
+def report_text(report: Json) -> str:
     """What the terminal says."""
-    size = report["bytes"] / 1e6
-    told_size = f"{size:.1f} MB" if size >= 1.0 else f"{1e3 * size:.0f} kB"
-    lines = [f"{report['path']}: {told_size}, open it in a browser"]
-    if report["holds"]:
-        lines.append(
-            f"no results: the folder holds {report['holds']}. Expected were folders with a {MANIFEST}, as "
-            "commands leave them in reports. The page shows what comes with the package."
-        )
+    lines = [f"{report['path']}: {report['bytes'] / 1e6:.1f} MB, open it in a browser"]
     told = {
         "run": "found here",
         "here": "found here, not judged by claims",
@@ -125,6 +90,10 @@ def report_text(report: ReportFile) -> str:
     for origin, words in told.items():
         names = [name for name, whence in report["parts"].items() if whence == origin]
         lines += [f"{words}: {', '.join(names)}"] if names else []
+    if not {"run", "here"} & {*report["parts"].values()}:
+        lines.append(
+            f"no results here: they are folders with a {MANIFEST}, as commands leave them in reports"
+        )
     lines += [f"left out: {name}: {why}" for name, why in report["left_out"].items()]
     return "\n".join(lines)
 
@@ -139,7 +108,6 @@ def page(sources: ReportSources, again: str | None = "tendonrepro report") -> st
         sources=sources,
         version=__version__,
         date=max(days)[:10],
-        conditions=contents.conditions_in_words(),
         words={name: contents.rendered(name, sources.ensemble) for name in contents.WORDS},
         pictures={
             "answer": drawn_plate(draw_answer(sources.ensemble)),

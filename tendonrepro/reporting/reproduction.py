@@ -1,13 +1,15 @@
 """The command that makes everything: both experiments, the fitted plant, and the page in a browser."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.studies.command import COMMANDS, ONE_ARM, Example, command
 from tendonrepro.studies.parameters import TALK, Changes, ConfigOption, Folder, Formats, Seed, Telling
-from tendonrepro.studies.study import Answer
+from tendonrepro.studies.study import Answer, Study
 
 if TYPE_CHECKING:
     from tendonrepro.studies.result import Result
@@ -60,15 +62,15 @@ def reproduce(
     from tendonrepro.files import refuse_foreign
     from tendonrepro.reporting.ending import ending
     from tendonrepro.reporting.live.page import MARK, PAGE, page_beside
-    from tendonrepro.studies.lifecycle import carry_out_together, planned
+    from tendonrepro.studies.lifecycle import carry_out_together
 
     folder = Folder(formats=formats, figures=figures, force=force)
     if config is not None:
-        from tendonrepro.reporting.own_arm import FOLDER, answer_own, own_plan, own_studies
+        from tendonrepro.reporting.own_arm import FOLDER, answer_own, own_studies
 
         above = FOLDER if out is None else Path(out)
         own = own_studies(Path(config), above, tune=tune, set=set, seed=seed, **folder)
-        return own_plan(own, talk) if dry_run else answer_own(own, above, talk, force=force)
+        return _plan(own, talk) if dry_run else answer_own(own, above, talk, force=force)
     if tune:
         hint = "name its comparison; tendonrepro tune does it on the paper's arm"
         raise UsageError("is for an arm of your own", where="--tune", hint=hint)
@@ -80,9 +82,7 @@ def reproduce(
         for name, experiment in experiments.items()
     }
     if dry_run:
-        plans = {name: planned(study, talk) for name, study in studies.items()}
-        text = "\n\n".join(str(plan["text"]) for plan in plans.values())
-        return Answer({"schema_version": 1, **plans}, text, {})
+        return _plan(studies, talk)
     path = above / PAGE
     refuse_foreign(path, MARK, force=force)
     together = carry_out_together(
@@ -102,3 +102,12 @@ def reproduce(
         {name: answer.value for name, answer in answers.items()},
         code,
     )
+
+
+def _plan(studies: Mapping[str, Study], talk: Talk) -> Answer[dict[str, "Result"]]:
+    """What would be run, and how long what is long takes."""
+    from tendonrepro.studies.lifecycle import planned
+
+    plans = {name: planned(study, talk) for name, study in studies.items()}
+    text = "\n\n".join(str(plan["text"]) for plan in plans.values())
+    return Answer({"schema_version": 1, **plans}, text, {})

@@ -240,9 +240,6 @@ def test_picture_of_the_orders(readings: dict[str, Row], pictures: dict[str, Dra
         assert in_order + first == pytest.approx(reading["first"])
         assert last == reading["last"]
     assert [sum(row) for row in rows] == pytest.approx([1.0] * len(labelled))
-    (marks,) = pictures["orders"].axes[0].lines
-    late = [readings[name] for name in SHOWN if "starts=apart" in name]
-    assert marks.get_xdata() == pytest.approx([1.0 - held["late"] for held in late])
 
 
 def test_picture_of_the_map(

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import base64
 import shutil
 import socket
 import subprocess
 import tempfile
 import time
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import requests
-from PIL import Image
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 DRIVER = shutil.which("chromedriver")
@@ -98,16 +95,6 @@ class Browser:
         found = self._ask("POST", "/element", {"using": "css selector", "value": selector})
         (name,) = found.values()
         self._ask("POST", f"/element/{name}/value", {"text": text})
-
-    def picture(self) -> Image.Image:
-        """What the window shows."""
-        return Image.open(BytesIO(base64.b64decode(self._ask("GET", "/screenshot")))).convert("L")
-
-    def dark(self, wanted: bool) -> None:
-        """Let the system ask for dark colours, or for light ones."""
-        feature = {"name": "prefers-color-scheme", "value": "dark" if wanted else "light"}
-        command = {"cmd": "Emulation.setEmulatedMedia", "params": {"features": [feature]}}
-        self._ask("POST", "/goog/cdp/execute", command)
 
     def width(self, pixels: int, height: int = 850) -> None:
         """Make the page as wide as that."""

@@ -101,7 +101,7 @@ MENUS = (
         {"backward_difference": "difference of encoder values", "low_pass": "the same, low-pass filtered"}),
 )  # fmt: skip
 RUN = (
-    Knob("start_offset", "Start of {}", STARTS, "deg", -3.0, 3.0, 0.05),
+    Knob("start_offset", "Start of {}", STARTS, "deg", -3.0, 3.0, 0.05, "Joint angle less the reference."),
     Knob("payload", "Payload of {}", ARM, "kg", 0.0, 1.0, 0.01),
 )
 """Knobs of single runs."""
@@ -114,15 +114,15 @@ LEFT_OUT = Knob(
     0.0,
     4.0,
     0.1,
-    "The tables leave out the start of each run. A start offset has hardly an effect after two seconds.",
+    "The tables leave out the start of each run. At the published gains a fifth of a start offset is left "
+    "after one second, and hardly anything after two.",
 )
-START_HELP = (
-    "Joint angle less the reference at the start. At the published gains a fifth of it is left after one "
-    "second. The tables count all that is not left out."
-)
-MOTIONS = {"minimum_jerk": "smooth strokes", "ramp": "straight ramps, without acceleration"}
-"""Motions that share their keys, by kind."""
-OF_MOTION = {**dict.fromkeys(MOTIONS, STROKE), "raised_cosine": OSCILLATION, "sine": SINE}
+OF_MOTION = {
+    "minimum_jerk": STROKE,
+    "ramp": STROKE,
+    "raised_cosine": OSCILLATION,
+    "sine": SINE,
+}
 """Knobs of the motion, by its kind."""
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from tendonrepro.arrays import Array, Numeric, choose
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig
 from tendonrepro.configuration.models.readings import replaced
-from tendonrepro.configuration.models.reference import ReferenceConfig, Sampled, Strokes
+from tendonrepro.configuration.models.reference import Sampled
 from tendonrepro.configuration.quantity import Quantity, to_si
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments import rig
@@ -28,7 +28,7 @@ from tendonrepro.experiments.loops import build_law, motions
 from tendonrepro.physics.control import Law
 from tendonrepro.physics.dynamics import Plant, state_derivative
 from tendonrepro.physics.trajectory import at_rest
-from tendonrepro.reporting.live.controls import MOTIONS, Inputs, inputs_of
+from tendonrepro.reporting.live.controls import Inputs, inputs_of
 from tendonrepro.simulation.codegen.lanes import mapped
 from tendonrepro.simulation.codegen.printed import (
     Place,
@@ -64,11 +64,10 @@ class _Given(Quantity):
         return number
 
 
-def given(config: CompareConfig, inputs: Inputs, tape: PlacesTape, off: str = "") -> CompareConfig:
-    """The configuration with symbols for the inputs' numbers, and zero for those of a key that is off."""
+def given(config: CompareConfig, inputs: Inputs, tape: PlacesTape) -> CompareConfig:
+    """The configuration with symbols for the inputs' numbers."""
     symbols = tape.places("pp", len(inputs.numbers))
-    for (key, entry), known in zip(inputs.numbers, symbols, strict=True):
-        symbol: Numeric = 0.0 if key == off else known
+    for (key, entry), symbol in zip(inputs.numbers, symbols, strict=True):
         quantity, unit = attrgetter(key)(config), inputs.units[key]
         value: Numeric | tuple[Numeric, ...] = symbol
         if entry is not None:
@@ -81,17 +80,16 @@ def given(config: CompareConfig, inputs: Inputs, tape: PlacesTape, off: str = ""
     return config
 
 
-def plant_code(config: CompareConfig, inputs: Inputs, off: str = "") -> Code:
+def plant_code(config: CompareConfig, inputs: Inputs) -> Code:
     """``plant(pp, rr, kk, zz)`` and ``step(kk, ss, uu, nn)``.
 
     `rr` is of a run: payload, factor on friction, and by how much its start is off, deg. `zz` receives the
     state in which the arm waits, the torque that holds it, and the motor angles that are read as zero. `uu`
-    has torque, time and length of a step, from state `ss` to `nn`. What a key that is `off` would add is left
-    out.
+    has torque, time and length of a step, from state `ss` to `nn`.
     """
     tape, n = PlacesTape(), len(config.joints)
     payload, scale = tape.places("rr", 2)
-    plant = rig.build_plant(given(config, inputs, tape, off), payload, scale)  # type: ignore[arg-type]
+    plant = rig.build_plant(given(config, inputs, tape), payload, scale)  # type: ignore[arg-type]
     begin: Array = np.array([to_si(angle, "deg") for angle in tape.places("rr", n, 2)], dtype=object)
     rest = rest_at(begin, plant)
     state, torque = _array(tape, "ss", 4 * n), _array(tape, "uu", n)
@@ -246,23 +244,12 @@ def motion_code(config: CompareConfig, inputs: Inputs, folder: Path) -> tuple[Co
     return _code(tape, ("motion", cycles, ("pp",), "cc"), ("desired", desired, ("tt",), "dd")), turns
 
 
-DRY_FRICTION = "manipulator.friction.winch.coulomb"
-"""Off in most arms; a plant without it takes two thirds of the time."""
-
-
 @dataclass
 class Library:
     """Code of all presets: equal functions stand once."""
 
     functions: dict[str, str] = field(default_factory=dict)
     models: list[str] = field(default_factory=list)
-    knobs: list[dict[str, object]] = field(default_factory=list)
-
-    def knob(self, control: dict[str, object]) -> int:
-        """Number of what is said of a control, new or known."""
-        if control not in self.knobs:
-            self.knobs.append(control)
-        return self.knobs.index(control)
 
     def add(self, text: str) -> int:
         """Number of a model, new or known."""
@@ -291,31 +278,14 @@ def model_source(loaded: LoadedConfig, library: Library) -> tuple[int, list[list
     """Trace a comparison; return the number of its model, and in which turns its joints move."""
     config = comparison(loaded)
     inputs = inputs_of(config)
-    laws = dict.fromkeys(run.law for run in config.runs.values())
-    parts = []
-    for name in laws:
+    laws = []
+    for name in dict.fromkeys(run.law for run in config.runs.values()):
         code = law_code(config, name, inputs)
-        parts.append(f"{name}:{library.entry(code, memory=code.written)}")
-    motions: list[str] = []
-    turns: list[list[int]] = []
-    for other in _references(config):
-        code, turns = motion_code(replaced(config, "reference", other), inputs, loaded.folder)
-        motions.append(f"{other.kind}:{library.entry(code)}")
+        laws.append(f"{name}:{library.entry(code, memory=code.written)}")
+    motion, turns = motion_code(config, inputs, loaded.folder)
     plant = library.entry(plant_code(config, inputs))
-    dry = [place for place, (key, _) in enumerate(inputs.numbers) if key == DRY_FRICTION]
-    plants = f"plant:{plant},dry:{dry}"
-    if not config.manipulator.friction.winch.coulomb.si[-len(config.joints) :].any():
-        plants += f",smooth:{library.entry(plant_code(config, inputs, DRY_FRICTION))}"
-    text = f"{{{plants},laws:{{{','.join(parts)}}},motions:{{{','.join(motions)}}}}}"
+    text = f"{{plant:{plant},laws:{{{','.join(laws)}}},motion:{library.entry(motion)}}}"
     return library.add(text), turns
-
-
-def _references(config: CompareConfig) -> list[ReferenceConfig]:
-    """The reference; if it is a stroke, every kind of stroke with its numbers."""
-    if config.reference.kind not in MOTIONS:
-        return [config.reference]
-    numbers = dict(config.reference)
-    return [Strokes.model_construct(**numbers | {"kind": kind}) for kind in MOTIONS]
 
 
 def comparison(loaded: LoadedConfig) -> CompareConfig:

@@ -10,8 +10,12 @@ import pytest
 import tendonrepro as tr
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.files import sha256_of
-from tendonrepro.reporting.live.page import FOLDER, UPLOT
+from tendonrepro.reporting.live.page import FOLDER
 
+UPLOT = {
+    "uplot.js": "19c8d4c6ad88929a79f4ae49d6f7161566dfd0ba3d15cc495e974f787eb78f1f",
+    "uplot.css": "df630c6a8d6f8eeaff264b50f73ce5b114f646ffd9a0bb74f049b0a00135fa04",
+}
 LARGEST = 200_000
 """Bytes that the page may have."""
 
@@ -23,19 +27,7 @@ def test_the_page_is_small_and_asks_nobody(tmp_path: Path) -> None:
     assert re.search(r"Content-Security-Policy\" content=\"default-src 'none'", text)
     assert re.findall(r"""\b(?:src|href)=["'](?!data:)""", text) == []
     assert "MIT License" in text
-    assert "--law FILE:NAME" in text
-    # What a change does is read aloud, not the order alone.
-    assert re.findall(r'<p id="(\w+)" role="status">', text) == ["order", "change", "state"]
     assert tr.live(out=path).read_text(encoding="utf-8") == text
-
-
-def test_a_configuration_of_ones_own_is_the_first_preset(tmp_path: Path) -> None:
-    title = "</script><b>mine"
-    path = tr.live(out=tmp_path / "mine.html", set={"control.gains.lam": [6, 7], "title": title})
-    text = path.read_text(encoding="utf-8")
-    assert len(text.encode()) <= LARGEST
-    assert '"presets":[{"name":"own"' in text
-    assert title not in text
 
 
 def test_a_motion_from_a_file_is_refused(tmp_path: Path) -> None:

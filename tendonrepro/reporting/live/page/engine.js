@@ -29,8 +29,7 @@ function attempt(job) {
 
 function runWith(job, steps) {
   const { n, L, pp, rr, turns, lag } = job, newest = -Math.expm1(-L / lag), late = new Float64Array(3 * n);
-  const model = MODELS[job.model], law = model.laws[job.law], motion = model.motions[job.motion];
-  const smooth = model.dry.every((place) => pp[place] === 0), plant = (smooth && model.smooth) || model.plant;
+  const { plant, laws, motion } = MODELS[job.model], law = laws[job.law];
   const kp = new Float64Array(plant.constants), kl = new Float64Array(law.constants);
   const km = new Float64Array(motion.constants), cycles = new Float64Array(n), zz = new Float64Array(6 * n);
   const mm = new Float64Array(law.memory), oo = new Float64Array(law.memory + 6 * n + 1);

@@ -21,57 +21,21 @@ const colour = (name) => getComputedStyle(document.documentElement).getPropertyV
 const OBSERVED = { ok: "stable", ringing: "oscillating", diverged: "diverged", unresolved: "not computed" };
 
 const UNITS = { "1": "", "s-1": "s⁻¹", "kg m2": "kg m²", "N m-1": "N/m", deg: "°" };
-const ORIGINS = { printed: "published", identified: "fitted", user: "yours" };
 
 // Δ alone is understood in the unit that is chosen for it.
 const inDegrees = ({ key }) => key === "control.gains.Delta" && state.get("control.readings.Delta_unit") === "deg";
 const unitOf = (one) => (inDegrees(one) ? UNITS.deg : UNITS[one.unit] ?? one.unit);
 
-// A preset's control from what all presets say of it and its own value; the file says where that comes from.
-function controlOf(tree, [knob, value, factor]) {
-  const said = KNOBS[knob], held = said.key.split(".").reduce((node, key) => node?.[key], tree);
-  const source = held?.source ?? "assumed: none", origin = source.split(":")[0];
-  const id = said.part ? `${said.key}.${said.part.replace("joint ", "")}` : said.key;
-  return { ...said, id, value, factor, source, origin: ORIGINS[origin] || origin };
+// Base64 of gzipped JSON.
+async function unpacked(text) {
+  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).json();
 }
-// Presets are written as what they change in the one before that is no variant, controls in the latest of their key or
-// else in the one before; null takes a key away.
-const isTree = (value) => value !== null && typeof value === "object" && !Array.isArray(value);
-function overlaid(first, changes) {
-  const found = { ...first };
-  for (const [key, value] of Object.entries(changes)) {
-    if (value === null) delete found[key];
-    else found[key] = isTree(value) ? overlaid(isTree(first[key] ?? null) ? first[key] : {}, value) : value;
-  }
-  return found;
-}
-const latest = new Map();
-let before = {};
-const KNOBS = PAGE.knobs.map((changes) => {
-  before = overlaid(latest.get(changes.key) ?? before, changes);
-  latest.set(before.key, before);
-  return before;
-});
-let held = {};
-const PRESETS = PAGE.presets.map((one) => {
-  if (one.of) return one;
-  held = overlaid(held, one);
-  return { ...held, controls: held.controls.map((control) => controlOf(held.tree, control)) };
-});
 
+let PRESETS = [];
 let preset, state, baseline = null, results = null;
 
 // ---- State: values by the controls' names, in the address too ---------------------------------------------------
-
-// A variant is another preset with some values changed.
-function whole(which) {
-  if (!which.of) return which;
-  const base = PRESETS.find((one) => one.name === which.of), tree = structuredClone(base.tree);
-  const changed = (one) => (one.id in which.values ? { ...one, value: which.values[one.id] } : one);
-  const held = { ...base, ...which, tree, controls: base.controls.map(changed), choices: base.choices.map(changed) };
-  for (const one of [...held.controls, ...held.choices]) if (one.id in which.values) put(tree, one, which.values[one.id], base.n);
-  return held;
-}
 
 function take(which, values = {}) {
   preset = which;
@@ -98,7 +62,7 @@ function writeAddress(step = false) {
 function readAddress() {
   const [name, ...parts] = location.hash.replace(/^#/, "").split("&");
   const problems = [], values = {};
-  const found = PRESETS.find((one) => one.name === name), chosen = whole(found || PRESETS[0]);
+  const found = PRESETS.find((one) => one.name === name), chosen = found || PRESETS[0];
   if (!found && name) problems.push(`The address names the preset “${readable(name)}”, which this page does not have.`);
   for (const part of parts) {
     const [id, raw = ""] = part.split("="), text = readable(raw);
@@ -251,11 +215,12 @@ function changesSomething({ set }) {
   return all().some((one) => one.id in set && set[one.id] !== one.value);
 }
 
-// A trial is a switch: several can be on at once, and off it leaves what the preset has.
+// A trial is a switch, and only one is on: it takes back what the others changed.
 function tryButton({ label, set }) {
   const button = make("button", { type: "button" }, label), isOn = () => Object.entries(set).every(([id, value]) => state.get(id) === value);
   button.show = () => button.setAttribute("aria-pressed", isOn());
-  button.addEventListener("click", () => putIn(all().filter(({ id }) => id in set), isOn() ? {} : set));
+  const tried = new Set(trials().flatMap((one) => Object.keys(one.set)));
+  button.addEventListener("click", () => putIn(all().filter(({ id }) => tried.has(id)), isOn() ? {} : set));
   button.show();
   return button;
 }
@@ -350,18 +315,17 @@ function jobOf(which, exact, values = state) {
     if (control.run === undefined) pp[control.place] = values.get(control.id);
     else if (control.run === which.name) rr[control.place] = values.get(control.id);
   }
-  for (const choice of preset.choices) if (choice.place !== null) pp[choice.place] = choice.values.indexOf(values.get(choice.id));
-  const kind = values.get("reference.kind") || preset.motion;
+  for (const choice of preset.choices) pp[choice.place] = choice.values.indexOf(values.get(choice.id));
   const { model, n, L, limit, ringing, share } = preset;
   const lag = values.get("control.readings.reference_acceleration") === "late" ? values.get("control.reference_lag") / 1000 : 0;
   const steps = exact ? which.steps : which.coarse;
-  return { model, law: which.law, motion: kind, turns: preset.turns, pp, rr, lag, from: values.get("errors_from"), n, L, steps, limit, ringing, share, exact };
+  return { model, law: which.law, turns: preset.turns, pp, rr, lag, from: values.get("errors_from"), n, L, steps, limit, ringing, share, exact };
 }
 
 // All that a run depends on: what its plant, its law and its motion read of the inputs, and the rest of the job.
 function keyOf(job) {
-  const { plant, laws, motions } = MODELS[job.model];
-  const read = new Set([plant, laws[job.law], motions[job.motion]].flatMap(({ reads }) => reads));
+  const { plant, laws, motion } = MODELS[job.model];
+  const read = new Set([plant, laws[job.law], motion].flatMap(({ reads }) => reads));
   return JSON.stringify({ ...job, pp: [...read].map((place) => job.pp[place]) });
 }
 
@@ -455,14 +419,15 @@ function show() {
 }
 
 function orderWords() {
-  const runs = compared();
-  if (runs.length < 2) return "";
-  if (runs.some(({ name }) => !follows(results.get(name)))) return "Not every controller finishes, so there is no order.";
+  const asked = compared(), runs = asked.filter(({ name }) => follows(results.get(name)));
+  if (asked.length < 2) return "";
+  if (runs.length < 2) return "Fewer than two controllers finish, so there is no order.";
   if (allLeftOut()) return "The whole run is left out of the errors, so there is no order.";
   const orders = preset.joints.map((_, i) => orderOn(runs, i));
+  const head = `Smallest mean error first${runs.length < asked.length ? ", of those that finish" : ""}`;
   const ours = orders.every((order) => order === orders[0])
-    ? `Smallest mean error first: Controller ${orders[0]}${preset.joints.length > 1 ? ", on every joint" : ""}.`
-    : `Smallest mean error first: ${orders.map((order, i) => `on joint ${preset.joints[i]} Controller ${order}`).join("; ")}.`;
+    ? `${head}: Controller ${orders[0]}${preset.joints.length > 1 ? ", on every joint" : ""}.`
+    : `${head}: ${orders.map((order, i) => `on joint ${preset.joints[i]} Controller ${order}`).join("; ")}.`;
   return preset.printed ? `${ours} The paper has 1, then 2, then 3.` : ours;
 }
 
@@ -726,7 +691,7 @@ function put(tree, one, value, n) {
   }
   // A run without a start offset starts on its reference.
   const held = (node[last] ??= { value: Array(n).fill(0), unit: one.unit }), inUnit = (number) => (held.unit === one.unit ? number : number * one.factor);
-  if (one.entry === undefined) held.value = value;
+  if (one.entry === null) held.value = value;
   else held.value = held.value.map((number, k) => (k === one.entry ? value : inUnit(number)));
   held.unit = one.unit;
   held.source = "assumed: set by hand in the page of tendonrepro live";
@@ -761,20 +726,23 @@ byId("copy-yaml").addEventListener("click", () => {
   copy(byId("yaml").value, "Configuration");
 });
 byId("controls").addEventListener("submit", (event) => event.preventDefault());
-for (const one of PRESETS) {
-  const radio = make("input", { type: "radio", name: "preset", value: one.name });
-  radio.addEventListener("change", () => {
-    byId("problem").textContent = "";
-    take(whole(one));
-    writeAddress(true);
-  });
-  byId("presets").append(make("label", {}, radio, ` ${one.title}`));
-}
-addEventListener("hashchange", readAddress);
 // Beside the results controls are open for good; above them a reader opens them.
 const beside = matchMedia("(min-width: 961px)"), arrange = () => (byId("panel").open = beside.matches);
 beside.addEventListener("change", arrange);
 arrange();
 byId("order").textContent = "The runs are computed now.";
 pool.start();
-readAddress();
+unpacked(PAGE).then((presets) => {
+  PRESETS = presets;
+  for (const one of PRESETS) {
+    const radio = make("input", { type: "radio", name: "preset", value: one.name });
+    radio.addEventListener("change", () => {
+      byId("problem").textContent = "";
+      take(one);
+      writeAddress(true);
+    });
+    byId("presets").append(make("label", {}, radio, ` ${one.title}`));
+  }
+  addEventListener("hashchange", readAddress);
+  readAddress();
+});
