@@ -19,7 +19,6 @@ import time
 from pathlib import Path
 
 from bench_batch import batch_cases, compilation_case, mix_case
-from bench_commands import commands_case
 from bench_common import bar, case, cpu, largest, say, seconds_of, stated_case, tightened
 from bench_joints import joints_case
 from bench_live import live_case
@@ -44,7 +43,6 @@ BASELINES = {
 """Method and tolerances to choose from; the last is quick, but its error is larger than ours."""
 WATCH_INTERVAL = 0.05
 """Seconds between two looks at a command's memory."""
-HEAVY = ("numpy", "scipy", "llvmlite", "h5py", "matplotlib", "pandas", "pydantic", "yaml", "rich")
 
 TEXT_ROWS, TEXT_SECONDS_BAR, TEXT_MEMORY_BAR_MB = 750_000, 1.5, 250.0
 TEXT_SIGNALS = ("q_d", "q", "dq", "tau")
@@ -56,13 +54,11 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         cases = {
             "help": help_case(REPEATS),
-            "import_heavy": import_case(),
             "whole_command": command_case(
                 ["compare", "--config", "plain", "--out", str(Path(folder) / "compare")], 3
             ),
             "reading": reading_case(Path(folder)),
         }
-    cases["commands_in_turns"] = commands_case()
     cases["first_compilation"] = compilation_case()
     cases["compare_run"] = compare_case(RUN_DURATION, BASELINES, 3)
     cases |= batch_cases()
@@ -193,17 +189,6 @@ def help_case(repeats):
     say(f"--help: {seconds:.2f} s")
     what = f"tendonrepro --help, median of {repeats}"
     return case(what, None, None, None, {"seconds": bar(seconds, HELP_SECONDS_BAR)})
-
-
-def import_case(arguments=("--help",)):
-    """Heavy packages that a command loads."""
-    command = [sys.executable, "-X", "importtime", "-m", "tendonrepro", *arguments]
-    log = subprocess.run(command, check=True, capture_output=True, text=True).stderr
-    loaded = {name.split(".")[0] for name in re.findall(r"\|\s+([\w.]+)$", log, re.MULTILINE)}
-    found = [name for name in HEAVY if name in loaded]
-    bars = {"packages": bar(len(found), 0)}
-    what = f"heavy packages loaded by tendonrepro {' '.join(arguments)}"
-    return case(what, None, None, None, bars) | {"packages": found}
 
 
 def run_command(arguments):

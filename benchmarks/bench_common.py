@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import platform
 import re
-import subprocess
 import sys
-import tempfile
 import time
-from contextlib import contextmanager
 from pathlib import Path
 
 # The package is imported where it is used; see bench.py.
@@ -17,19 +14,6 @@ ROOT = Path(__file__).parent.parent
 REFERENCE_RTOL = 1e-13
 IDEAL_ENCODER = ("manipulator.encoders.joint.resolution=0",)
 """A flipped encoder count would drown the integrators' errors."""
-
-
-@contextmanager
-def checkout_of(commit):
-    """Folder with an earlier commit of this repository, for a block."""
-    with tempfile.TemporaryDirectory() as folder:
-        old = Path(folder) / "old"
-        words = ["git", "worktree", "add", "--detach", str(old), commit]
-        subprocess.run(words, cwd=ROOT, check=True, capture_output=True)
-        try:
-            yield old
-        finally:
-            subprocess.run(["git", "worktree", "remove", "--force", str(old)], cwd=ROOT, check=True)
 
 
 def stated_case(duration, overrides=IDEAL_ENCODER):

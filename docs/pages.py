@@ -160,52 +160,7 @@ def variables() -> str:
     return table(("Name", "Unit", "Meaning"), rows)
 
 
-def one_line() -> str:
-    """A line of physics as its tape, and as machine code for eight experiments."""
-    from llvmlite import binding
-
-    from tendonrepro.simulation.codegen import machine
-    from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape
-
-    def surface(de: Any, beta: Any, e: Any) -> Any:
-        return de + beta * e
-
-    tape, rows = LaneTape(), LaneRows()
-    s = surface(*rows.variables(tape, "given", 3))
-    lines = s.tape.lines
-    (result,) = rows.take("s", 1)
-    written = [
-        f"{name} = {' '.join(map(str, (operation, *operands)))}"
-        if operation == "row"
-        else f"{name} = {operands[0]} {operation} {operands[1]}"
-        for name, (operation, operands) in lines.items()
-    ]
-    source = machine.vector_code("surface", lines, {result: [*lines][-1]})
-    binding.initialize_all_targets()
-    binding.initialize_all_asmprinters()
-    # A fixed processor, so that the page is the same wherever it is made.
-    target = binding.Target.from_triple("x86_64-unknown-linux-gnu")
-    assembly = target.create_target_machine(cpu="x86-64-v3", opt=3).emit_assembly(
-        binding.parse_assembly(source)
-    )
-    instructions = [line.strip() for line in assembly.splitlines() if line.startswith("\tv")]
-    return "\n\n".join(
-        (
-            code_block("", "\n".join(written)),
-            "LLVM makes machine code of it. A row is eight numbers, one of each experiment. A processor with AVX2 takes four at "
-            "once, so there are two halves, and the product with its sum is one instruction:",
-            code_block("asm", "\n".join(" ".join(line.split()) for line in instructions)),
-        )
-    )
-
-
-def code_block(language: str, text: str) -> str:
-    """Text in a fence."""
-    return f"```{language}\n{text}\n```"
-
-
 MAKERS: Makers = {
-    "one line": one_line,
     "the box": lambda: table(contents.BOX_HEADS, contents.box_rows()),
     "the readings": readings,
     "the keys": keys,

@@ -1,4 +1,4 @@
-"""Find the typical plant again and print its comparison: ``python docs/typical_arm.py``.
+"""Find the typical plant again and print its sections of a comparison: ``python docs/typical_arm.py``.
 
 It is, of the stable samples as published, the one whose errors are nearest to the medians. Nothing of the paper's results
 enters, and no damping is chosen for stability. ``configs/compare.yaml`` and ``configs/lumidouce_ii.yaml`` have its numbers.
@@ -19,7 +19,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.published import METRICS
 from tendonrepro.configuration.quantity import to_si
-from tendonrepro.configuration.strict_yaml import Node, Tree, dump
+from tendonrepro.configuration.strict_yaml import Tree, dump
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.ensemble import load_study
@@ -33,19 +33,6 @@ DRAWS = 1024
 
 SECTIONS = ("manipulator", "posture", "reference", "disturbance")
 """What a sample sets of a comparison as published."""
-
-_HEAD = """\
-# yaml-language-server: $schema=schema.json
-#
-# A typical plant with its motion, by python docs/typical_arm.py. Of {draws} samples of the parameter ranges,
-# with the equations as published, {stable} are stable in all four runs. This is the one nearest to the
-# medians of their sixteen errors, in logarithms, its numbers rounded to two digits. Nothing of the paper's
-# results enters.
-# Its root mean square distance from the medians is {distance:.2f} in natural logarithms.
-
-"""
-_DRAWN = "draw from the box"
-
 
 class Preliminary(NamedTuple):
     """Samples (N, P), logarithms of their sixteen errors (N, 16), and which are stable in all runs, (N,)."""
@@ -94,8 +81,8 @@ def _two_digits(value: float) -> float:
     return round(value, 1 - floor(log10(abs(value)))) if value else 0.0
 
 
-def typical_yaml(study: EnsembleStudy, sample: Preliminary) -> str:
-    """A comparison with the typical plant and motion, rounded and checked again.
+def typical_sections(study: EnsembleStudy, sample: Preliminary) -> Tree:
+    """Sections of a comparison with the typical plant and motion, rounded and checked again.
 
     Raises
     ------
@@ -105,60 +92,17 @@ def typical_yaml(study: EnsembleStudy, sample: Preliminary) -> str:
     values, box = rounded(study, sample.typical()), next(iter(study.populations.values()))
     config = box.configured(values)
     named = dict(build_loops(config, study.loaded.base.folder))
-    loops = [named[run] for run in RUNS]
-    batch = simulate_batch(loops)
-    if (batch.status != STATUSES.index("ok")).any():
+    if (simulate_batch([named[run] for run in RUNS]).status != STATUSES.index("ok")).any():
         message = "rounded to two digits the typical plant is no longer stable"
         raise TendonreproError(message)
-    errors = np.log(np.stack([batch.statistics[metric] for metric in METRICS], axis=1).reshape(-1))
     sections, published = (
         part.model_dump(mode="json", exclude_none=True) for part in (config, study.loaded.compare)
     )
     arm, shipped = sections["manipulator"], published["manipulator"]
-    arm["encoders"], arm["actuator"]["output_delay"] = (
-        shipped["encoders"],
-        shipped["actuator"]["output_delay"],
-    )
-    tree: Tree = {
-        "schema_version": 1,
-        "experiment": "compare",
-        "base": "compare.yaml",
-        "title": f"{config.title}, a typical plant",
-        **{name: _written(sections[name], angles=name != "manipulator") for name in SECTIONS},
-    }
-    head = _HEAD.format(
-        draws=len(sample.stable), stable=sample.stable.sum(), distance=float(sample.distances(errors))
-    )
-    return head + dump(tree)
-
-
-def _written(part: Node, *, angles: bool) -> Node:
-    """Six digits of what was drawn, angles in degrees where asked for, and where it comes from."""
-    if isinstance(part, list):
-        return [_written(item, angles=angles) for item in part]
-    if not isinstance(part, dict):
-        return part
-    source = part.get("source", "")
-    if not isinstance(source, str) or _DRAWN not in source:
-        return {name: _written(item, angles=angles) for name, item in part.items()}
-    value, unit = part["value"], part["unit"]
-    if angles and unit == "rad":
-        value, unit = np.rad2deg(np.array(value)).tolist(), "deg"
-    return {
-        "value": _short(value),
-        "unit": unit,
-        "source": source.replace(_DRAWN, "typical sample of the ranges"),
-    }
-
-
-def _short(value: Node) -> Node:
-    """Six digits; an integer where it is whole, which the schema wants counts to be."""
-    if isinstance(value, list):
-        return [_short(item) for item in value]
-    short = float(f"{value:.6g}")
-    return int(short) if short.is_integer() else short
+    arm["encoders"], arm["actuator"]["output_delay"] = shipped["encoders"], shipped["actuator"]["output_delay"]
+    return {name: sections[name] for name in SECTIONS}
 
 
 if __name__ == "__main__":
     printed = published_study()
-    sys.stdout.write(typical_yaml(printed, preliminary(printed)))
+    sys.stdout.write(dump(typical_sections(printed, preliminary(printed))))

@@ -20,8 +20,8 @@ def bench(scripts: None) -> ModuleType:  # noqa: ARG001
 
 
 @pytest.fixture
-def commands(scripts: None) -> ModuleType:  # noqa: ARG001
-    return import_module("bench_commands")
+def against(scripts: None) -> ModuleType:  # noqa: ARG001
+    return import_module("against")
 
 
 @pytest.fixture

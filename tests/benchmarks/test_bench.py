@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from contextlib import nullcontext
 from types import ModuleType
 
 import numpy as np
@@ -34,22 +33,13 @@ def test_command_case_measures_time_and_memory(bench: ModuleType) -> None:
     assert all(entry["value"] > 0.0 for entry in found["bars"].values())
 
 
-def test_commands_in_turns_have_both_times(commands: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
-    words = {"import": ["-c", "import tendonrepro"]}
-    assert commands.commands_case("no-such-commit", words, 1)["commands"] == {}
-    monkeypatch.setattr(commands, "checkout_of", lambda _: nullcontext(ROOT))
-    found = commands.commands_case("this", words, 1)
-    assert found.keys() == KEYS | {"commands"}
-    times = {"seconds_then", "seconds", "ratio", "cpu_seconds_then", "cpu_seconds", "cpu_ratio"}
-    assert found["commands"]["import"].keys() == times
-    assert all(value > 0.0 for value in found["commands"]["import"].values())
-
-
-def test_import_case_finds_heavy_packages(bench: ModuleType) -> None:
-    found = bench.import_case(["config", "list"])
-    assert found.keys() == KEYS | {"packages"}
-    assert {"pydantic", "yaml"} <= set(found["packages"])
-    assert found["bars"]["packages"] == {"value": len(found["packages"]), "bar": 0, "met": False}
+def test_turns_with_another_checkout_have_both_times(
+    against: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(against, "stepped", lambda _: {"mix, s": 2.0})
+    rows = list(against.rows_of(ROOT, ROOT, {"import": ["-c", "import tendonrepro"]}, 1))
+    assert [row[0] for row in rows] == ["import, s", "import, processor s", "mix, s"]
+    assert all(number > 0.0 for row in rows for number in row[1:])
 
 
 @pytest.mark.slow

@@ -21,8 +21,6 @@ from tendonrepro.configuration.shown import BOTH, SHOWN
 from tendonrepro.reporting.figures import ANSWER
 from tendonrepro.reporting.readings import Row, Shown, read_shown
 from tendonrepro.results.figures.style import Drawing, imprint, journal_style
-from tendonrepro.tuning.bench import KNOWN, PUBLISHED
-from tendonrepro.tuning.search import CAPS
 from tendonrepro.verdicts.judge import judge_all
 from tendonrepro.verdicts.words import percent
 
@@ -70,23 +68,16 @@ def test_made_parts_are_fresh_and_stand_once(makers: list[Any]) -> None:
     assert sorted(parts) == sorted([*pages.MAKERS, *generate.MAKERS])
 
 
-def test_the_site_has_rows_for_each_long_table(makers: list[Any]) -> None:
-    """The page keeps some of them; the rest a command or a file of docs/results has, too."""
+def test_a_page_has_rows_of_each_long_table_and_the_site_all(makers: list[Any]) -> None:
     pages, generate, _ = makers
     known = {**pages.MAKERS, **generate.MAKERS}
-    marked = [
-        part for path in DOCS.glob("*.md") for part in pages.PART.finditer(path.read_text(encoding="utf-8"))
-    ]
-    tables = {part["name"]: part["shown"].strip().splitlines() for part in marked if part["kind"] == "site"}
-    assert tables
-    for name, shown in tables.items():
-        head, rule, *rows = whole = known[name]().splitlines()
-        assert (head, rule) == tuple(shown[:2])
-        assert set(shown) < set(whole)
-        assert all(row.startswith("| ") for row in rows)
-        assert (
-            len(pages.of_site(f"<!-- site: {name} -->\n<!-- end -->", known).splitlines()) == len(whole) + 4
-        )
+    texts = [path.read_text(encoding="utf-8") for path in DOCS.glob("*.md")]
+    long = [part for text in texts for part in pages.PART.finditer(text) if part["kind"] == "site"]
+    assert long
+    for part in long:
+        whole = known[part["name"]]().splitlines()
+        assert set(part["shown"].strip().splitlines()) < set(whole)
+        assert set(whole) <= set(pages.of_site(part[0], known).splitlines())
 
 
 def test_readme_has_its_answer_in_sixty_words(readings: dict[str, Row]) -> None:
@@ -141,17 +132,8 @@ def test_words_of_the_tuning() -> None:
     pid = [asked[law, "PID"] for law in ("TDE and NTSM", "α-TDE and NTSM, free α")]
     assert len(alpha) == 3
     assert not any(row["smaller_error"] or row["larger_error"] for row in (*alpha, *pid))
-    surface, twisting = asked["TDE and NTSM", "TDE and TSM"], asked["Super-twisting", "PID"]
-    assert surface["undecided"] > surface["smaller_error"]
-    assert twisting["larger_error"] > 4
     handed, alone = ([row for row in found["alpha"] if row["alone"] is way] for way in (False, True))
     assert {row["alpha_median"] for row in handed} == {row["share_zero"] for row in alone} == {0.0}
-    assert all(0.9 < row["ratio_with_effect"] < 1.0 for row in handed)
-    plain = [row for row in found["laws"] if row["alpha"] is None and not row["alone"]]
-    errors = {(row["law"], row["condition"], row["cap"]): row.get("error_deg") for row in plain}
-    known = [errors["ntsm", KNOWN, cap] / errors["ntsm", PUBLISHED, cap] for cap in CAPS]
-    assert 0.18 < min(known) < 0.22
-    assert 0.61 < max(known) < 0.68
 
 
 def test_no_single_edit_gives_the_published_order() -> None:
@@ -168,30 +150,18 @@ def test_no_single_edit_gives_the_published_order() -> None:
     assert degrees["ratios"][2]["median"] < 1.0 < degrees["ratios"][0]["median"]
 
 
-def test_words_for_shares(readings: dict[str, Row], claims: dict[str, Any]) -> None:
-    """What stands in words: a third, two thirds, nearly all, most, almost none."""
+def test_words_for_shares(readings: dict[str, Row]) -> None:
+    """What stands in words: a third, nearly all, most, almost none."""
     printed, extrapolating = readings["printed"], readings["weights=extrapolating"]
     assert 0.3 < printed["plants"] / shown().plants["box"] < 0.36
-    for joint in ("joint_2", "joint_3"):
-        for metric in ("mae", "rmse"):
-            behind = claims[f"share.controller_1_of_2.{metric}.{joint}"]["evidence"]["direction"]
-            assert behind["share"] < 0.05
-    assert extrapolating["first"] > 0.9
     assert printed["first"] < 0.01
+    assert extrapolating["first"] > 0.9
+    assert extrapolating["smooth"] < 0.01
     assert readings[BOTH]["order"] > 0.8
     for name in ("starts=apart", "reference_acceleration=absent+starts=apart", "run_friction=drawn"):
-        assert readings[name]["last"] < 0.5
-        assert readings[name]["behind"] > 0.5
-    assert extrapolating["smooth"] < 0.01
-    assert readings["delay_time=two_periods"]["smooth"] < 0.25
+        assert readings[name]["last"] < 0.5 < readings[name]["behind"]
     stable = {name: printed[f"stable_{name}"] for name in CONTROLLERS}
     assert stable.pop("controller_1") > max(stable.values())
-    in_degrees, in_reverse, unfixed = (
-        readings[name]["reverse"]
-        for name in ("Delta_unit=deg", "printed", "phi_negative=even+eta_in_controller_2=dropped")
-    )
-    assert in_degrees < 0.01
-    assert unfixed == pytest.approx(in_reverse, abs=0.01)
 
 
 def test_medians_are_those_of_the_theory_where_the_load_changes_slowly(readings: dict[str, Row]) -> None:

@@ -78,30 +78,3 @@ def test_joint_3_over_joint_2_counts_only_where_it_is_compared(given):
     assert rows[given.BETWEEN, "quadratic logistic"]["right"] < 0.6
     assert rows[given.ALL, "quadratic logistic"]["probability"] > 0.99
     assert [held["probability"] for held in found["counted"][2:]] == [1.0, 1.0]
-
-
-def test_without_the_nearest_the_others_are_asked(given):
-    """The changed one that comes nearest decides, and without it the kept one does."""
-    far = f"{CHANGED}+Delta_unit=deg"
-    by_reading = {KEPT: errors(given, 0.1), CHANGED: errors(given, 0.0), far: errors(given, 0.3)}
-    plants = {name: np.arange(PLANTS) for name in by_reading}
-    held = StableErrors((2, 3), 1000, plants, by_reading)
-    found = given.given_tables(held)
-    without = given.without_the_nearest(held, found, 1)
-    assert without["names"] == [CHANGED]
-    of = {(row["compared"], row["estimator"]): row["probability"] for row in found["rows"]}
-    for row in without["rows"]:
-        assert row["probability"] < 0.1 < of[row["compared"], row["estimator"]]
-
-
-def test_what_is_stable_too_seldom_is_left_out(given):
-    kept = errors(given, 0.0)
-    by_reading = {KEPT: kept, "encoder=ideal": kept[:50], CHANGED: errors(given, 0.3)}
-    plants = {name: np.arange(len(held)) for name, held in by_reading.items()}
-    found = given.given_tables(StableErrors((2, 3), 1000, plants, by_reading))
-    assert (found["names"], found["left_out"]) == ([KEPT, CHANGED], ["encoder=ideal"])
-    # Unequal counts are made equal.
-    by_reading[CHANGED] = by_reading[CHANGED][:120]
-    plants[CHANGED] = np.arange(120)
-    again = given.given_tables(StableErrors((2, 3), 1000, plants, by_reading))
-    assert again["plants"] == [PLANTS, 120]

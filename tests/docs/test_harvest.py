@@ -30,13 +30,6 @@ def harvest(tmp_path, monkeypatch):
     return module
 
 
-@pytest.fixture
-def generate(monkeypatch):
-    """docs/generate.py, which makes the pages."""
-    monkeypatch.syspath_prepend(DOCS)
-    return importlib.import_module("generate")
-
-
 def repeated(search, misfit):
     """What one search leaves of one interpretation."""
     spread = {"low": misfit - 0.001, "high": misfit + 0.001, "in_order": 0.25, "seen": misfit - 0.002}
@@ -97,78 +90,6 @@ def test_no_plant_ships_whose_errors_are_of_motors_nor_a_farther_one(harvest, tm
         "printed",
         "motion=ramp",
     ]
-
-
-def test_the_table_has_each_search_and_the_repeats(harvest, generate, tmp_path):
-    (tmp_path / "results" / "identify.json").write_text('{"readings": []}', encoding="utf-8")
-    misfits = {"printed": 0.1, "feedback=motor": 0.05, "weights=extrapolating": 0.08}
-    harvest.take_closest(searched(tmp_path / "one", misfits))
-    drawn = {"misfit_log": dict.fromkeys(misfits, 0.2)}
-    (tmp_path / "results" / "draws.json").write_text(json.dumps(drawn), encoding="utf-8")
-    (tmp_path / "results" / "bounds.json").write_text(
-        json.dumps({"misfit_log": {"printed": 0.05}}), encoding="utf-8"
-    )
-    known = generate.of_searches(harvest.stored("identify"))
-    text = generate.made("closest_plants", **known)
-    (printed,) = (line for line in text.splitlines() if line.startswith("| `printed`"))
-    assert printed.split(" | ")[1:] == [
-        "10.0 %",
-        "9.9 % to 10.1 %",
-        "25 %",
-        "15.0 %",
-        "10.0 %",
-        "9.8 %",
-        "20.0 %",
-        "5.0 %",
-        "1 |",
-    ]
-    # The second has a row where repeats end farther than what was seen once.
-    rows = {"closest_plants": ["feedback=motor", "weights=extrapolating", "printed"], "repeats": []}
-    for part, expected in rows.items():
-        names = [line.split("`")[1] for line in generate.made(part, **known).splitlines() if "`" in line]
-        assert names == expected
-
-
-def row(compared, estimator, probability, low, high, loss):
-    return {
-        **{"compared": compared, "numbers": 12, "estimator": estimator, "log_loss": loss},
-        **{"probability": probability, "low": low, "high": high, "recalibrated": 0.5, "right": 0.9},
-    }
-
-
-def test_the_range_is_over_all_estimators_and_kernels_have_one_column(generate):
-    rows = [
-        row("ratios between runs", "kernel of 2 %", 0.9, 0.8, 0.99, 0.6),
-        row("ratios between runs", "kernel of 10 %", 0.7, 0.6, 0.75, 0.2),
-        row("ratios between runs", "extra trees", 0.5, 0.4, 0.55, 0.1),
-        row("all ratios", "extra trees", 1e-9, 1e-9, 0.3, 0.1),
-    ]
-    without = {"names": ["printed"], "rows": [row("all ratios", "extra trees", 0.2, 0.1, 0.4, 0.1)]}
-    found = generate.of_tables({"rows": rows, "without_the_nearest": without})
-    assert found["estimators"] == ["kernel", "extra trees"]
-    assert dict(found["compared"]) == {
-        "12 ratios between runs": ["60 to 99", "40 to 55"],
-        "12 all ratios": ["", "0 to 30"],
-    }
-    assert (generate.reach(found["between"]), generate.reach(found["all"])) == ("40 to 99 %", "0 to 30 %")
-    assert generate.reach(found["all_without"]) == "10 to 40 %"
-
-
-def test_a_group_of_made_up_papers_has_its_lowest_and_highest_rate(generate):
-    def of(reading, share, papers=200, noise=0.02):
-        return {"reading": reading, "noise": noise, "papers": papers, "false_contradicted": {"share": share}}
-
-    rows = [
-        of("printed", 0.01),
-        of("encoder=ideal", 0.02),
-        of("feedback=motor", 0.26),
-        of("starts=apart", 0.1),
-    ]
-    rows += [of("weights=extrapolating", 1.0), of("printed", 0.03, noise=0.05)]
-    found = generate.of_papers({"readings": rows, "noise": 0.02})
-    cells = [generate.extent(group, "false_contradicted") for _, group in found["papers"]]
-    assert cells == ["1 %", "3 %", "2 to 26 %", "10 %", "100 %"]
-    assert found["unsaid"] == 0.26
 
 
 def test_the_nearest_draws_of_an_ensemble_are_ones_that_end_well(harvest):

@@ -8,7 +8,6 @@ import itertools
 import json
 import re
 import shlex
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -32,16 +31,13 @@ from tendonrepro.configuration.load import (
     shipped_names,
 )
 from tendonrepro.configuration.models.control import Readings
-from tendonrepro.configuration.quantity import UNITS
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import all_loops, build_loops
 from tendonrepro.experiments.user_law import laws_of
 from tendonrepro.physics.arm import gravity_torque
 from tendonrepro.physics.linear_loop import decay_rate
 from tendonrepro.physics.metrics import mae
-from tendonrepro.reporting.contents import quantities
 from tendonrepro.results.traces import read_traces
-from tendonrepro.simulation.loop import DesiredMotion
 from tendonrepro.simulation.stepper import simulate
 
 PACKAGE = Path(tendonrepro.__file__).parent
@@ -123,11 +119,6 @@ def test_relative_links_resolve() -> None:
                 assert anchor in map(slug, headings), f"{path.name} links to {target}"
 
 
-def test_no_line_begins_with_a_percent_sign() -> None:
-    """The site takes it for a comment and drops the line."""
-    assert not [path.name for path, text in TEXTS.items() if re.search(r"^\s*%", prose(text), re.M)]
-
-
 def test_functions_and_files_named_in_the_text_exist() -> None:
     """``module.function()`` and ``folder/file.py`` of the package."""
     own = {"my_law.py", "integral.py"}
@@ -167,14 +158,6 @@ def parse(command: Any, parts: list[str], name: str = "tendonrepro") -> Any:
         return command.make_context(name, list(parts))
     assert parts[0] in command.commands, parts
     return parse(command.commands[parts[0]], parts[1:], parts[0])
-
-
-def test_brackets_are_quoted() -> None:
-    """In zsh a bare one is a pattern, which no file matches."""
-    quoted = re.compile(r"'[^']*'|\"[^\"]*\"|`[^`]*`")
-    assert [
-        command for _, command in COMMANDS if re.search(r"--(set|over)\b.*[\[{*]", quoted.sub("", command))
-    ] == []
 
 
 def test_commands_parse() -> None:
@@ -255,27 +238,6 @@ def test_slips_names_the_switch_of_every_reading() -> None:
     assert not missing, "docs/slips.md says where the paper can be read so: add an entry with its switch"
 
 
-def test_every_unit_is_listed() -> None:
-    line = section(page("configs.md"), "## A value, its unit, its source")
-    start = line.index("Units:")
-    listed = re.findall(r"`([^`]+)`", line[start : line.index(". Each field", start)])
-    assert sorted(listed) == sorted(UNITS)
-
-
-def test_effects_beyond_the_equations_are_off_on_the_plain_arm() -> None:
-    plain = dict(quantities(load_config("plain", None).tree))
-    listed = "\n".join(
-        line
-        for line in section(page("configs.md"), "## Effects beyond the equations").splitlines()
-        if line.startswith("- ")
-    )
-    keys = plain.keys() & set(inline(listed))
-    assert len(keys) >= 10
-    for key in keys:
-        off = 1 if key.endswith("efficiency") else 0
-        assert np.all(np.asarray(plain[key]["value"]) == off), key
-
-
 def examples(key: str) -> list[str]:
     return [block for block in blocks(page("configs.md"), "yaml") if block.startswith(f"{key}:")]
 
@@ -293,23 +255,11 @@ def test_examples_load_and_build(key: str, tmp_path: Path) -> None:
         loop = dict(build_loops(loaded.config, loaded.folder))["controller_1"]
         assert np.isfinite(loop.reference.q_d).all()
         assert np.abs(loop.reference.q_d).max() > 0
-        if key == "reference":
-            check_rates(loop.reference)
         kinds.append(getattr(loaded.config, key).kind)
     field = json_schema("compare")["properties"][key]
     without = field["discriminator"]["mapping"].keys() - {*kinds}
     assert not without, f"docs/configs.md has no example of {key} of kind {without}"
     assert len(kinds) == len({*kinds})
-
-
-def check_rates(motion: DesiredMotion) -> None:
-    """Between two samples the mean velocity lies between their velocities, which may step."""
-    L = float(motion.time[1])
-    step, ends = np.diff(motion.q_d, axis=0) / L, np.stack([motion.dq_d[:-1], motion.dq_d[1:]])
-    # A velocity that turns round within a period is beyond both by a share of its change in a period.
-    room = 0.1 * np.ptp(ends, axis=0).max() + 1e-9
-    assert (step >= ends.min(axis=0) - room).all()
-    assert (step <= ends.max(axis=0) + room).all()
 
 
 # ---- numbers -----------------------------------------------------------------------------------------------
@@ -358,42 +308,7 @@ def test_what_each_reading_does(setting: str, cells: list[str]) -> None:
             assert text == number or (text == "ok" and "/" in number)
 
 
-@pytest.mark.slow
-def test_what_other_readings_hardly_change() -> None:
-    text = section(page("slips.md"), "## What each interpretation does")
-    told, _, names = text.partition("These change no error by more than ")
-    most = float(names.partition("°")[0])
-    cells = next(cells for name, *cells in rows(told) if name == "plain arm")
-    plain = np.array([cell.split(" / ") for cell in cells], dtype=float)
-    settings = [token for token in inline(names) if "=" in token]
-    assert len(settings) > 10
-    for setting in settings:
-        data = tables_of("plain", setting)
-        now = [data["table2"][name]["mae_deg"][:2] for name in CONTROLLERS]
-        assert {data["status"][name] for name in CONTROLLERS} == {"ok"}, setting
-        assert np.abs(np.array(now) - plain).max() < most, setting
-
-
 # ---- traces ------------------------------------------------------------------------------------------------
-
-
-def test_every_dependency_has_its_reason() -> None:
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    names = {re.split(r"[^\w-]", entry, maxsplit=1)[0] for entry in project["dependencies"]}
-    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
-    rows = page.partition("## Dependencies")[2].partition("Optional ones")[0].splitlines()
-    told = {
-        name for row in rows if row.startswith("| `") for name in re.findall("`(.+?)`", row.split("|")[1])
-    }
-    assert told == names
-
-
-def test_architecture_draws_every_room() -> None:
-    tree = blocks(page("architecture.md"), "")[0]
-    drawn = set(re.findall(r"^ +(\w+)/", tree, re.M))
-    assert drawn == {path.parent.name for path in PACKAGE.rglob("__init__.py")} - {"tendonrepro", "matlab"}
-    ground = {path.stem for path in PACKAGE.glob("*.py")}
-    assert set(tree.splitlines()[1].split("   ")[0].split()) == ground
 
 
 # ---- examples that run -------------------------------------------------------------------------------------
@@ -454,17 +369,6 @@ def test_law_with_two_gains_is_plain_time_delay_control_beside_any_run(tmp_path:
     first, own, tdc = (simulate(loops[run]) for run in ("controller_1", "two_gains", "tdc"))
     np.testing.assert_allclose(own["e"], tdc["e"], rtol=0, atol=1e-9)
     assert np.abs(own["H_hat"] - first["H_hat"]).max() > 0.01
-
-
-def test_law_of_the_configuration(tmp_path: Path) -> None:
-    text = (shipped_folder() / "compare.yaml").read_text(encoding="utf-8")
-    (shown,) = blocks(page("python.md"), "yaml")
-    law, run = (line for line in shown.splitlines() if "tsm_alpha:" in line)
-    path = tmp_path / "compare.yaml"
-    text = text.replace("  laws:\n", f"  laws:\n{law}\n").replace("\nruns:\n", f"\nruns:\n{run}\n")
-    path.write_text(text, encoding="utf-8")
-    config = load_config(path, "compare").config
-    assert config.runs["tsm_alpha"].law == "tsm_alpha"
 
 
 @pytest.mark.parametrize(("library", "words"), [("xarray", "N m"), ("h5py", "rad")])

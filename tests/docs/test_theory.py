@@ -7,39 +7,14 @@ import pytest
 from support.pages import CONTROLLERS, NEEDS_DOCS, cells_of, stated
 
 from tendonrepro.configuration.load import CompareConfig, load_config
-from tendonrepro.experiments.loops import build_law, build_loops
+from tendonrepro.experiments.loops import build_law
 from tendonrepro.experiments.rig import build_plant
 from tendonrepro.physics.control import error_ratio, phi_slope
 from tendonrepro.physics.linear_loop import decay_rate
-from tendonrepro.simulation.batch import simulate_batch
 
 pytestmark = NEEDS_DOCS
 EXTRAPOLATING = "control.readings.weights=extrapolating"
 APPLIED = "control.readings.stored_torque=applied"
-GAINS = {"M_bar": 0.01, "lam": 8, "b": 0.9, "eta": 1.5, "Delta": 0.2, "beta": 2, "K_d": 10, "K_p": 16}
-JOINT_1 = (
-    "joints=[1,2,3]",
-    "reference.amplitude=[0,33,33]",
-    "control.gains.alpha=[0.1,0.1,0.2]",
-    *(f"control.gains.{name}=[{gain},{gain},{gain}]" for name, gain in GAINS.items()),
-)
-"""Joint 1 held by its motor, not rigidly."""
-
-
-def test_white_noise_factors_quoted() -> None:
-    alpha = np.array([0.1, 0.2])
-    factors = np.sqrt((1.0 - alpha) ** 2 + alpha**2)
-    said = stated(
-        r"from 1 to ([\d.]+) and ([\d.]+) on joints 2 and 3, for noise that is white in the acceleration",
-        "docs/theory.md",
-    )
-    assert said == pytest.approx(list(factors), abs=6e-4)
-    # Second differences of what is white have the correlation -2/3 from one to the next.
-    steps = np.array([1.0, -2.0, 1.0])
-    lag = (steps[1:] @ steps[:-1]) / (steps @ steps)
-    angle = np.sqrt((1.0 - alpha) ** 2 + alpha**2 + 2.0 * lag * alpha * (1.0 - alpha))
-    said = stated(r"white in the angle it falls to ([\d.]+) and ([\d.]+)\.", "docs/theory.md")
-    assert said == pytest.approx(list(angle), abs=6e-3)
 
 
 @pytest.mark.parametrize(
@@ -74,29 +49,6 @@ def slowest(name: str, *overrides: str, delay: int) -> float:
     config = load_config("plain", "compare", overrides=overrides).config
     assert isinstance(config, CompareConfig)
     return decay_rate([np.zeros(2)], build_plant(config, 0.0), build_law(config, name), delay=delay)
-
-
-def test_joint_1_held_by_its_motor_changes_little() -> None:
-    """With the gains of joint 2, by the batch stepper."""
-    held, rigid = (
-        [batch_errors(metric, *overrides) for metric in ("mae", "rmse")] for overrides in (JOINT_1, [])
-    )
-    (given,) = stated(r"it gives by ([\d.]+)° on average", "docs/slips.md")
-    pattern = r"2 and 3 changes by about ([\d.]+) % at most, the RMSE by about ([\d.]+) %, and the order"
-    most = stated(pattern, "docs/slips.md")
-    assert held[0][0, 0] == pytest.approx(given, abs=6e-3)
-    changes = [100.0 * np.abs(one[:, 1:] / other - 1.0).max() for one, other in zip(held, rigid, strict=True)]
-    assert changes == pytest.approx(most, abs=0.2)
-    assert all((np.diff(one[:, 1:], axis=0) < 0.0).all() for one in held)
-
-
-def batch_errors(metric: str, *overrides: str) -> np.ndarray:
-    """MAE or RMSE of Controllers 1 to 3 in degrees, (3, joints)."""
-    loaded = load_config("plain", "compare", overrides=overrides)
-    loops = dict(build_loops(loaded.config, loaded.folder))
-    batch = simulate_batch([loops[name] for name in CONTROLLERS])
-    assert not batch.status.any()
-    return np.rad2deg(batch.statistics[metric])
 
 
 def test_the_references_own_error() -> None:

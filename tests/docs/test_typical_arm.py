@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from support.pages import DOCS, NEEDS_DOCS
 
 from tendonrepro.configuration.load import CompareConfig, load_config
-from tendonrepro.configuration.strict_yaml import Node, load
+from tendonrepro.configuration.quantity import to_si
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import simulate_batch
@@ -57,14 +58,23 @@ def test_the_shipped_one_is_stable_and_uses_nothing_of_the_paper_s_results() -> 
 @pytest.mark.slow
 def test_the_shipped_one_is_found_again(typical: Any) -> None:
     study = typical.published_study()
-    tree = load(typical.typical_yaml(study, typical.preliminary(study)), "typical")
-    shipped = load_config(None, "compare").tree
+    found = typical.typical_sections(study, typical.preliminary(study))
+    shipped = load_config(None, "compare").config.model_dump(mode="json", exclude_none=True)
     for name in typical.SECTIONS:
-        assert without_sources(tree[name]) == without_sources(shipped[name]), name
+        ours, theirs = dict(values_of(found[name])), dict(values_of(shipped[name]))
+        assert ours.keys() == theirs.keys()
+        for place, value in theirs.items():
+            assert ours[place] == (value if isinstance(value, str) else pytest.approx(value, rel=1e-5)), place
 
 
-def without_sources(node: Node) -> Node:
-    """A section's numbers, units and words."""
-    if isinstance(node, dict):
-        return {key: without_sources(held) for key, held in node.items() if key != "source"}
-    return [without_sources(held) for held in node] if isinstance(node, list) else node
+def values_of(node: Any, place: str = "") -> Iterator[tuple[str, Any]]:
+    """Numbers of a section in SI units, and its words, by their places."""
+    if isinstance(node, dict) and {"value", "unit"} <= node.keys():
+        scale = to_si(1.0, node["unit"]) if node["unit"] else 1.0
+        yield from ((f"{place}.{k}", scale * number) for k, number in enumerate(np.ravel(node["value"])))
+    elif isinstance(node, dict | list):
+        for key, held in node.items() if isinstance(node, dict) else enumerate(node):
+            if key != "source":
+                yield from values_of(held, f"{place}.{key}")
+    else:
+        yield place, node

@@ -396,12 +396,13 @@ def test_a_run_that_fails_is_told_and_the_next_one_runs(browser: Browser, page: 
     before = opened(browser, page, "#published")
     if not workers:
         browser.run("pool.workers = []")
+    model = browser.run("return preset.model")
     browser.run("preset.model = 99; changed(true)")
     end = time.monotonic() + 60.0
     while browser.run("return busy || document.getElementById('state').className !== 'bad'"):
         assert time.monotonic() < end, browser.console()
         time.sleep(0.05)
-    browser.run("preset.model = 0; known.clear(); changed(true)")
+    browser.run("preset.model = arguments[0]; known.clear(); changed(true)", model)
     while browser.run("return busy || document.getElementById('state').className === 'bad'"):
         assert time.monotonic() < end, browser.console()
         time.sleep(0.05)
