@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -72,8 +73,13 @@ def test_plants_of_a_batch_differ_and_baselines_have_the_same_ones(
         np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-11)
 
 
-def test_baseline_run_is_the_same_run(bench: ModuleType, baseline: ModuleType) -> None:
-    loop, parameters, reference = bench.stated_case(0.06)
+@pytest.mark.parametrize(
+    "overrides",
+    [(), ("manipulator.encoders.joint.resolution=0",), ("manipulator.actuator.torque_limit=[1, 0.5, 0.1]",)],
+)
+def test_baseline_run_is_the_same_run(bench: ModuleType, baseline: ModuleType, overrides: Any) -> None:
+    """The whole loop against a program of its own, with encoder counts and limits too."""
+    loop, parameters, reference = bench.stated_case(0.12, overrides)
     angles = baseline.run(parameters, reference, 1e-11)
-    np.testing.assert_allclose(angles, simulate(bench.tightened(loop))["q"], rtol=0.0, atol=1e-13)
+    np.testing.assert_allclose(angles, simulate(bench.tightened(loop))["q"], rtol=0.0, atol=1e-11)
     assert np.abs(angles).max() > 1e-6

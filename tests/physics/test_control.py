@@ -17,7 +17,6 @@ from tendonrepro.physics.control import (
     delayed_acceleration,
     error_rate,
     estimator_weights,
-    packed_memory,
     phi,
     phi_slope,
     polynomial,
@@ -84,20 +83,6 @@ def after(memory, q, de=None, tau=None, law=None):
 
 
 class TestPhi:
-    @properties
-    @given(errors, exponents, boundaries, scales)
-    def test_is_odd(self, e, b, Delta, scale):
-        law = make_law(b=np.full(N, b), Delta=np.full(N, Delta), angle_scale=scale)
-        assert phi(-e, law, 0) == -phi(e, law, 0)
-        assert phi_slope(-e, law, 0) == phi_slope(e, law, 0)
-
-    @properties
-    @given(st.tuples(errors, errors).map(sorted), exponents, boundaries, scales)
-    def test_is_monotone(self, pair, b, Delta, scale):
-        law = make_law(b=np.full(N, b), Delta=np.full(N, Delta), angle_scale=scale)
-        below, above = (phi(e, law, 0) for e in pair)
-        assert below <= above + 4e-16  # a rounding of values of order one where the branches meet
-
     @properties
     @given(exponents, boundaries, st.sampled_from([-1.0, 1.0]), scales)
     def test_value_and_slope_join_at_the_boundary(self, b, Delta, side, scale):
@@ -179,42 +164,7 @@ class TestBoundsOnTheSlidingSet:
         assert self.resting_error(Omega) <= limit * (1.0 + 1e-6)  # it reaches the limit for large Omega
 
 
-class TestMemory:
-    def test_start_fills_every_delay(self):
-        q, tau = np.array([0.1, -0.2]), np.array([2.0, 0.5])
-        memory = start_memory(q, tau)
-        np.testing.assert_array_equal(memory.q, np.tile(q, (3, 1)))
-        np.testing.assert_array_equal(memory.tau, np.tile(tau, (2, 1)))
-        np.testing.assert_array_equal(memory.de, np.zeros(N))
-        np.testing.assert_array_equal(memory.q_d, q)
-        np.testing.assert_array_equal(memory.ddq, np.zeros((1, N)))
-        np.testing.assert_array_equal(memory.H_hat, tau)
-
-    def test_delay_lines_shift_newest_first(self):
-        memory = start_memory(np.zeros(N), np.zeros(N))
-        for k in range(1, 7):
-            q, q_d, de, H_hat, tau = (np.full(N, scale * k) for scale in (1.0, 2.0, 10.0, 20.0, 100.0))
-            memory = remember(memory, q, q_d, de, H_hat, tau, make_law())
-        np.testing.assert_array_equal(memory.q[:, 0], [6, 5, 4])
-        np.testing.assert_array_equal(memory.tau[:, 1], [600, 500])
-        np.testing.assert_array_equal((memory.de, memory.q_d, memory.H_hat), [[60] * N, [12] * N, [120] * N])
-
-    @pytest.mark.parametrize(("n", "lag", "lanes"), [(2, 1, ()), (1, 2, (5,)), (3, 4, (2, 2))])
-    def test_unpacking_keeps_every_number_and_its_order(self, n, lag, lanes):
-        values = np.arange((6 * lag + 3) * n * np.prod(lanes, dtype=int), dtype=float).reshape(-1, *lanes)
-        memory = packed_memory(values, n, lag)
-        for part, alike in zip(memory, start_memory(np.zeros(n), np.zeros(n), lag), strict=True):
-            assert part.shape == alike.shape + lanes
-        np.testing.assert_array_equal(np.concatenate([part.ravel() for part in memory]), values.ravel())
-
-
 class TestErrorRate:
-    def test_desired_less_backward_difference(self):
-        memory = random_memory(1)
-        q, dq_d = np.array([0.3, -0.4]), np.array([0.7, 0.1])
-        expected = dq_d - (q - memory.q[0]) / L
-        np.testing.assert_array_equal(error_rate(memory, q, np.ones(N), dq_d, make_law()), expected)
-
     def test_difference_of_the_error_is_half_a_period_of_acceleration_away(self):
         a, memory = np.array([0.8, -0.3]), start_memory(np.zeros(N), np.zeros(N))
         law = make_law(error_differenced=True)

@@ -166,11 +166,6 @@ class TestRest:
         assert held == pytest.approx(np.maximum(pulling, 0.0), rel=1e-12, abs=1e-12)
         assert (both_ways(plant._replace(drive=drive)).drive.one_way == 0.0).all()
 
-    def test_frictionless_stands_where_the_whole_plant_does(self) -> None:
-        subject, state, _ = drawn(3, 1, FEATURES)
-        rest = rest_state(state[:3], subject.plant)
-        assert (rest_state(state[:3], frictionless(subject.plant)) == rest).all()
-
 
 @each_size
 @pytest.mark.parametrize("features", [frozenset(), FEATURES], ids=["bare", "all"])

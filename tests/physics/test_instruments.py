@@ -44,20 +44,8 @@ class TestQuantise:
         # The quotient and the product of up to 1e6 counts are rounded.
         assert abs(counts(value, step) - value) <= 0.5 * step + 4.0 * np.spacing(abs(value))
 
-    @given(st.lists(st.tuples(angles, st.sampled_from([0.0, 0.25, 1.0])), min_size=1, max_size=8))
-    def test_lanes_have_each_their_own_step(self, lanes: list[tuple[float, float]]) -> None:
-        values, each = np.array(lanes).T
-        # What an experiment without counts would divide by is never looked at.
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            found = quantise(values, each)
-        assert found.tolist() == [counts(value, step) for value, step in lanes]
-
 
 class TestActuator:
-    @given(torques)
-    def test_one_that_changes_nothing_returns_the_command_to_the_last_bit(self, command: Array) -> None:
-        assert (applied_torque(command, IDEAL, S, S_INV) == command).all()
-
     @given(torques)
     def test_each_winch_is_limited_by_itself(self, command: Array) -> None:
         limit = np.array([3.0, 4.0, 5.0])

@@ -127,20 +127,12 @@ class TestStatus:
         assert self.judge(both) == ("ringing", self.time[-1])
         assert self.judge(both[:, ::-1])[0] == "ringing"
 
-    def test_the_constant_part_counts_as_slow(self) -> None:
-        assert self.judge(self.wave(5.0, 1e-3) + 0.99e-3 / math.sqrt(2.0))[0] == "ringing"
-        assert self.judge(self.wave(5.0, 1e-3) + 1.01e-3 / math.sqrt(2.0))[0] == "ok"
-
     def test_the_share_is_of_each_joints_own_power(self) -> None:
         slow, fast = self.wave(1.0), self.wave(5.0)
         # 0.39 of either joint's power is fast; both together would be 0.78 of one.
         assert self.judge(np.hstack([slow + 0.8 * fast, slow + 0.8 * fast]))[0] == "ok"
         # A joint that rings stays one beside a slow joint with a hundred times its power.
         assert self.judge(np.hstack([10.0 * slow, fast]))[0] == "ringing"
-
-    def test_a_line_at_the_frequency_itself_is_not_above_it(self) -> None:
-        assert self.judge(self.wave(3.0))[0] == "ok"
-        assert self.judge(self.wave(3.5))[0] == "ringing"
 
     @pytest.mark.parametrize("value", [0.1746, -0.1746, math.nan, math.inf, -math.inf])
     def test_the_first_sample_out_of_bounds_is_the_end(self, value: float) -> None:
@@ -154,10 +146,6 @@ class TestStatus:
         assert self.judge(e)[0] == "ok"
         e[5] = np.nextafter(np.deg2rad(10.0), 1.0)
         assert self.judge(e) == ("diverged", self.time[5])
-
-    def test_one_sample_is_ok_or_diverged(self) -> None:
-        assert self.judge(np.full((1, 2), 0.01)) == ("ok", 0.0)
-        assert self.judge(np.full((1, 2), 1.0)) == ("diverged", 0.0)
 
 
 class TestWindowMean:

@@ -77,16 +77,6 @@ class TestTensioner:
             tense = (without + per_newton[:, np.newaxis] * force >= 0.1).all(axis=0)
             assert (tense == ((least <= force) & (force <= largest))).all()
 
-    def test_without_a_margin_a_tendon_may_be_just_slack(self):
-        without, per_newton = np.array([[-2.0], [3.0]]), np.array([0.5, -0.5])
-        least, largest = force_window(without, per_newton)
-        assert (least, largest) == (4.0, 6.0)
-
-    def test_a_tendon_that_it_does_not_reach(self):
-        least, largest = force_window(np.array([[1.0, -1.0]]), np.array([0.0]))
-        assert least.tolist() == [0.0, np.inf]
-        assert largest.tolist() == [np.inf, np.inf]
-
 
 class TestLosses:
     def test_without_friction_it_is_virtual_work(self):

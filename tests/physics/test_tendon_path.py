@@ -69,21 +69,7 @@ def test_it_ends_where_it_is_fixed(tendon, seed):
         assert path_points(path, place)[-1] == pytest.approx(path.centre[place, -1] + radius * link)
 
 
-def test_a_tendon_that_bends_nowhere_lies_on_nothing():
-    """A straight one on pulleys of one size, with the rounding that a posture has, winds around none."""
-    centre = np.array([[[0.0, 0.0], [1.0, 1e-16], [2.0, 0.0], [3.0, 0.0]]])
-    path = tendon_path(centre, np.full(4, 0.1), np.full(1, -np.pi / 2.0))
-    assert path.wrap == pytest.approx(0.0, abs=1e-15)
-    assert path_length(path) == pytest.approx([3.0])
-
-
 def test_circles_that_overlap_are_refused():
     for apart in (0.1, 0.16):
         with pytest.raises(ValueError, match=r"^circles overlap$"):
             tendon_path(np.array([[[0.0, 0.0], [apart, 0.0]]]), np.array([0.08, -0.08]), np.zeros(1))
-
-
-def test_positions_by_hand():
-    """Hanging, then level to the left, then up."""
-    found = joint_positions(np.array([3.0, 2.0, 1.0]), np.deg2rad([0.0, 90.0, 180.0]))
-    assert found == pytest.approx(np.array([[0.0, 0.0], [0.0, -3.0], [-2.0, -3.0], [-2.0, -2.0]]))

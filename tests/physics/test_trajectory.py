@@ -84,12 +84,6 @@ class TestShapes:
         steepest = shape(np.array([rise * (0.5 - np.sqrt(3.0) / 6.0)]))[2][0]
         assert steepest == pytest.approx(10.0 / np.sqrt(3.0) * amplitude / rise**2, rel=1e-11, abs=1e-14)
 
-    def test_minimum_jerk_holds(self):
-        shape = minimum_jerk(A, 1.5, 0.5)
-        q, dq, ddq = shape(np.array([1.5, 1.7, 1.999, 3.5, 3.9]))
-        np.testing.assert_allclose(q, [A, A, A, 0.0, 0.0], atol=1e-15)
-        np.testing.assert_allclose([dq, ddq], 0.0, atol=1e-15)
-
     def test_raised_cosine(self):
         q, _, ddq = raised_cosine(A, 4.0)(np.array([0.0, 1.0, 2.0]))
         np.testing.assert_allclose(q, [0.0, A / 2.0, A], atol=1e-15)
@@ -153,12 +147,6 @@ class TestStraightLines:
         np.testing.assert_array_equal(ddq, 0.0)
         assert (q[0], q[-1]) == pytest.approx((0.0, 0.0), abs=1e-15)
 
-    def test_repeated_turns_begin_on_their_own_sample(self):
-        turns = Motion((ramp(A, self.RISE, self.HOLD),) * 4, 6.4)
-        _, dq, _ = motion(1e-3 * np.arange(25601), [turns])
-        np.testing.assert_array_equal(dq[:-1].reshape(4, 6400), np.tile(dq[:6400, 0], (4, 1)))
-        assert dq[-1, 0] == 0.0
-
 
 class TestMotion:
     def test_turns_follow_one_another(self):
@@ -209,13 +197,9 @@ class TestFile:
         np.testing.assert_allclose(angles[2], np.deg2rad(3.0 * np.arange(8)), rtol=1e-15)
         np.testing.assert_allclose(angles[3], np.deg2rad(-1.0 * np.arange(8)), rtol=1e-15)
 
-    def test_comments_and_empty_lines(self, tmp_path):
-        path = self.write(tmp_path, "time_s,q2_deg,q3_deg", "# a stroke", *ROWS, "")
-        np.testing.assert_array_equal(read_samples(path)[0], 0.5 * np.arange(8))
-
     @pytest.mark.parametrize(
         "header",
-        ["t,q2_deg", "time_s", "time_s,q2", "time_s,q2_deg,speed", "0,1,2", "time_s,q2_deg,q2_deg", ""],
+        ["t,q2_deg", "time_s,q2_deg,speed", "time_s,q2_deg,q2_deg"],
     )
     def test_header(self, tmp_path, header):
         path = self.write(tmp_path, header, *ROWS)
@@ -223,24 +207,13 @@ class TestFile:
             read_samples(path)
         assert caught.value.where == f"{path}:1"
 
-    def test_straight_lines_need_two_rows(self, tmp_path):
-        time, _ = read_samples(self.write(tmp_path, "time_s,q2_deg,q3_deg", *ROWS[:2]), "linear")
-        np.testing.assert_array_equal(time, [0.0, 0.5])
-        with pytest.raises(ConfigError):
-            read_samples(self.write(tmp_path, "time_s,q2_deg,q3_deg", ROWS[0]), "linear")
-
     @pytest.mark.parametrize(
         ("rows", "line"),
         [
-            *(((*ROWS[:k], ROWS[k - 1], *ROWS[k + 1 :]), f":{k + 2}") for k in (1, 4, 7)),
             ((*ROWS[:5], "", "# pause", *ROWS[4:]), ":9"),
             (ROWS[:5], ""),
-            ((), ""),
             ((*ROWS, "9,nan,0"), ""),
-            ((*ROWS, "9,inf,0"), ""),
             ((*ROWS, "9,1"), ""),
-            ((*ROWS, "9,one,0"), ""),
-            (tuple(row + ",0" for row in ROWS), ""),
         ],
     )
     def test_rows(self, tmp_path, rows, line):

@@ -10,16 +10,13 @@ import numpy as np
 import pytest
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.control import Readings
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
-from tendonrepro.monte_carlo.population import population_of
-from tendonrepro.physics.disturbance import no_disturbance
 from tendonrepro.physics.dynamics import frictionless
-from tendonrepro.physics.linear_loop import decay_rate, plant_matrices
-from tendonrepro.physics.metrics import STATUSES, periodogram
+from tendonrepro.physics.linear_loop import plant_matrices
+from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import Batch, simulate_batch
 from tendonrepro.simulation.codegen.lanes import stacked
 from tendonrepro.simulation.kernel import runge_kutta
@@ -162,38 +159,6 @@ def test_every_reading_and_feature_runs_as_in_the_reference_stepper(override: st
         assert_same_run(trace, loop)
 
 
-def damped_plants(count: int, duration: float) -> list[Loop]:
-    """Controller 1 on the box's first plants whose linear loop decays at 0.5 s⁻¹ or faster."""
-    ensemble = load_ensemble(None)
-    box = population_of(ensemble)
-    loops: list[Loop] = []
-    for values in box.sample(1, 0, 0, 512):
-        config = box.configured(values)
-        loop = next(loop for _, loop in build_loops(config, ensemble.base.folder))
-        assert isinstance(loop.controller, TimeDelayController)
-        posture = [np.zeros(2), loop.reference.q_d.max(axis=0)]
-        if decay_rate(posture, loop.plant, loop.controller.law) >= 0.5:
-            # Rounded and noisy torque makes two runs of any two programs part, as counts do.
-            quiet = loop.plant._replace(disturbance=no_disturbance(2))
-            actuator = loop.actuator._replace(resolution=0.0, noise=0.0)
-            loops.append(replace(cut(loop, duration), plant=quiet, actuator=actuator))
-        if len(loops) == count:
-            return loops
-    raise AssertionError
-
-
-@pytest.mark.slow
-def test_sixty_four_plants_of_the_box_run_as_in_the_reference_stepper() -> None:
-    loops = damped_plants(64, 1.0)
-    ideal = [replace(loop, joint_encoder=loop.joint_encoder._replace(resolution=0.0)) for loop in loops]
-    batch = simulate_batch(ideal, record=True, tolerance=1e-8)
-    assert batch.traces is not None
-    for loop, trace in zip(ideal, batch.traces, strict=True):
-        assert trace is not None
-        exact = replace(loop, solver=replace(loop.solver, rtol=1e-11, atol=1e-13))
-        assert np.abs(trace["q"] - simulate(exact)["q"]).max() < EXACT
-
-
 def test_a_run_knows_nothing_of_its_neighbours() -> None:
     loops = loaded("manipulator.encoders.joint.noise=1e-5")
     names = "controller_1", "controller_2", "controller_1_payload"
@@ -207,29 +172,6 @@ def test_a_run_knows_nothing_of_its_neighbours() -> None:
         alone = simulate_batch([many[k]])
         for name in STATISTICS:
             np.testing.assert_array_equal(together.statistics[name][k], alone.statistics[name][0], name)
-
-
-def test_statistics_obey_equation_23_and_count_what_rings() -> None:
-    """All are held to signals in test_streaming, and those that a trace has to it in test_summary."""
-    loops = loaded()
-    loop = loops["controller_1"]
-    batch, (trace,) = traced([loop])
-    found = {name: values[0] for name, values in batch.statistics.items()}
-    # A count jumps by 384 rad/s2 in the measured acceleration; in H - H_hat it cancels, Eq. (19).
-    assert (found["epsilon_max"] < 0.1 * np.deg2rad(0.022) / loop.L**2).all()
-    assert (found["s_max"] <= found["epsilon_max"] / 8.0).all(), "Eq. (23), lambda = 8 rad/s"
-    frequency, power = periodogram(trace["e"], loop.L)
-    share = power[frequency > 3.0 * (1.0 + 1e-9)].sum(axis=0) / power.sum(axis=0)
-    # Lines of the spectrum come from sums over blocks, into which a little of what is faster folds back.
-    assert found["fast_share"] == pytest.approx(share, rel=2e-3, abs=1e-4)
-
-
-def test_a_run_rings_where_one_joint_does() -> None:
-    loops = loaded()
-    run = cut(loops["controller_1"], 1.0)
-    shares = simulate_batch([run]).statistics["fast_share"][0]
-    for share, status in ((1.01 * shares.max(), "ok"), (shares.mean(), "ringing")):
-        assert STATUSES[simulate_batch([replace(run, ringing_share=share)]).status[0]] == status
 
 
 def test_a_diverged_run_ends_where_the_reference_steppers_does() -> None:

@@ -10,8 +10,6 @@ from tendonrepro.physics import drive, dynamics
 from tendonrepro.physics.dynamics import holding_torque, rest_state
 from tendonrepro.physics.statics import slack_time, tendon_tension
 from tendonrepro.simulation.batch import simulate_batch
-from tendonrepro.simulation.codegen.lanes import stacked
-from tendonrepro.simulation.kernel import advance_source, experiment_rows
 from tendonrepro.simulation.stepper import simulate
 
 WINCH = np.full(2, 0.037)
@@ -121,14 +119,6 @@ def test_a_preload_that_keeps_all_tense_leaves_every_bit():
         assert (values == runs["on"][name]).all(), name
     batch = {unilateral: simulate_batch([loop], record=True).traces[0] for unilateral, loop in loops.items()}
     assert batch["on"]["q"] == pytest.approx(batch["off"]["q"], abs=1e-12)
-
-
-def test_off_leaves_nothing_in_the_code(monkeypatch):
-    plants = {word: stacked([run_of(word).plant]) for word in ("off", "on")}
-    off, on = (advance_source(plants[word], experiment_rows(2)) for word in ("off", "on"))
-    assert off.count("\n") < on.count("\n")
-    monkeypatch.setattr(drive, "pulled", lambda torque, _: torque)
-    assert advance_source(plants["off"], experiment_rows(2)) == off
 
 
 def test_a_tendon_that_would_push_at_rest_has_no_torque():
