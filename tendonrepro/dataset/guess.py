@@ -168,9 +168,9 @@ def _find_units(columns: Sequence[Guess], stated: str) -> None:
     """
     angles = [column for column in columns if column.is_known and column.variable in _OF_JOINTS]
     most = max((_largest(column.values) for column in angles if not column.said.unit), default=0.0)
-    sized = {"rad"} if 0.0 < most <= _MOST_RADIANS else set()
-    in_radians = ({column.said.unit for column in angles} - {None}) or sized
-    of_angles = stated or ("rad" if in_radians and "deg" not in in_radians else "deg")
+    told = {column.said.unit for column in angles} - {None}
+    is_small = not told and 0.0 < most <= _MOST_RADIANS
+    of_angles = stated or ("rad" if is_small or (told and "deg" not in told) else "deg")
     for column in columns:
         if column.variable is None or not column.is_numbers:
             continue
@@ -218,11 +218,10 @@ def _take_rates(columns: Sequence[Guess]) -> None:
         head, symbol, number = match.groups()
         angle = words.meaning_of(f"{head}{symbol}{number}")
         second = re.compile(rf"{re.escape(head)}{symbol}dd_?{number}", re.IGNORECASE)
-        beside = [other.column for other in columns if second.match(other.column)] + [
-            other.column
-            for other in columns
-            if (other.variable, other.joint) == ("q_d", column.joint) and not _DERIVATIVE.search(other.column)
-        ]
+        beside = [other.column for other in columns if second.match(other.column)]
+        for other in columns:
+            is_desired = (other.variable, other.joint) == ("q_d", column.joint)
+            beside += [other.column] if is_desired and not _DERIVATIVE.search(other.column) else []
         if beside or "measured" in angle.says:
             why = f"stands beside {quoted(beside[0])}" if beside else "is of what was measured"
             column.variable = "dq_d" if words.variable_of(angle.says) == "q_d" else "dq"

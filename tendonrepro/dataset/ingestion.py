@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
@@ -58,7 +58,7 @@ def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool) -> 
         write_atomically(mapping, guessed.text)
     return {
         "schema_version": 2,
-        "tables": [{"name": table.name, "columns": _columns(table)} for table in contents.tables],
+        "tables": [{"name": table.name, "columns": [*_columns(table)]} for table in contents.tables],
         "unread": contents.unread,
         "left_out": contents.left_out,
         "suggestion": guessed.text,
@@ -68,17 +68,15 @@ def run_inspect(paths: Sequence[Path], mapping: Path | None, *, force: bool) -> 
     }
 
 
-def _columns(table: Columns) -> list[dict[str, object]]:
-    rows: list[dict[str, object]] = []
+def _columns(table: Columns) -> Iterator[dict[str, object]]:
     for name, values in table.items():
         row: dict[str, object] = {"column": name, "samples": len(values)}
         if values.dtype.kind == "f" and np.isfinite(values).any():
             steps = np.diff(values)
-            steps = steps[np.isfinite(steps)]
-            step = float(np.median(steps)) if steps.size else np.nan
-            row |= {"from": float(np.nanmin(values)), "to": float(np.nanmax(values)), "median_step": step}
-        rows.append(row)
-    return rows
+            step = np.median(steps[np.isfinite(steps)]) if np.isfinite(steps).any() else np.nan
+            row |= {"from": float(np.nanmin(values)), "to": float(np.nanmax(values))}
+            row["median_step"] = float(step)
+        yield row
 
 
 def inspect_text(inspected: Json) -> str:

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from typing import Annotated, TypeAlias
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.from_base import MOST_JOINTS
@@ -142,10 +142,9 @@ class RunMapping(Model):
     @model_validator(mode="before")
     @classmethod
     def _in_short(cls, entry: object) -> object:
-        run = {"sources": entry} if isinstance(entry, str | list) else entry
-        if isinstance(run, dict) and isinstance(run.get("sources"), str):
-            return run | {"sources": [run["sources"]]}
-        return run
+        run = entry if isinstance(entry, dict) else {"sources": entry}
+        source = run.get("sources")
+        return run | {"sources": [source]} if isinstance(source, str) else run
 
     def reading_error(self, variable: str) -> float:
         """Error of a variable read off a figure, rad; 0 where it was recorded."""
@@ -158,14 +157,7 @@ class _Tree(Model):
     schema_version: int = SCHEMA_VERSION
     title: str = "Measured data"
     columns: Uses = Field(default_factory=dict)
-    runs: dict[Annotated[str, Field(pattern=r"^\w+$")], RunMapping]
-
-    @field_validator("runs")
-    @classmethod
-    def _is_filled(cls, runs: dict[str, RunMapping]) -> dict[str, RunMapping]:
-        if not runs:
-            refuse("no run is named: write one, as 'controller_1: FILE', with its columns under columns")
-        return runs
+    runs: Annotated[dict[Annotated[str, Field(pattern=r"^\w+$")], RunMapping], Field(min_length=1)]
 
 
 @dataclass(frozen=True)

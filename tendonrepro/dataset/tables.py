@@ -23,7 +23,7 @@ _SIGN, _EXPONENT = r"[-+−]?(?=[.,]?\d)", r"(?:[eEdD][-+]?\d+)?"
 _POINT = re.compile(rf"{_SIGN}(?:[1-9]\d{{0,2}}(?:,\d{{3}})+|\d+)?(?:\.\d*)?{_EXPONENT}")
 _COMMA = re.compile(rf"{_SIGN}(?:[1-9]\d{{0,2}}(?:\.\d{{3}})+|\d+)?(?:,\d*)?{_EXPONENT}")
 """Numbers with that decimal mark, the other one between thousands, and exponents, Fortran's too."""
-_DURATION = re.compile(r"-?\d+:\d\d(:\d\d(\.\d+)?)?")
+_DURATION = re.compile(r"-?\d+:\d\d:\d\d(\.\d+)?")
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d.*")
 _GAPS = {"nan", "na", "n/a", "null", "none", "-", "--", "inf", "-inf"}
 _MOST_FAILING = 0.5
@@ -177,20 +177,18 @@ def _by_mark(marked: pd.Series, mark: str) -> pd.Series:
 
 
 def _seconds(known: pd.Series, cells: pd.Series) -> pd.Series | None:
-    """Durations, times of day, or dates since the first, in s; None of other cells."""
+    """Durations, or dates since the first, in s; None of other cells."""
     first = known.iloc[0]
     if hasattr(first, "total_seconds"):
         return known.map(lambda cell: cell.total_seconds() if hasattr(cell, "total_seconds") else np.nan)
     if _DURATION.fullmatch(cells.iloc[0]):
-        # A time of two parts is minutes and seconds.
-        full = cells.map(lambda cell: f"00:{cell}" if cell.count(":") == 1 else cell)
-        durations = pd.to_timedelta(full, errors="coerce")
+        since = pd.to_timedelta(cells, errors="coerce")
     elif hasattr(first, "year") or _DATE.fullmatch(cells.iloc[0]):
         dates = pd.to_datetime(cells, errors="coerce", format="ISO8601")
-        durations = dates - dates.bfill().iloc[0]
+        since = dates - dates.bfill().iloc[0]
     else:
         return None
-    seconds: pd.Series = durations.dt.total_seconds()
+    seconds: pd.Series = since.dt.total_seconds()
     return seconds if seconds.notna().any() else None
 
 

@@ -124,14 +124,10 @@ class PrintedTables:
 def try_windows(file: TraceFile, paper: Published, timing: Mapping[str, Timing]) -> PrintedTables:
     """Compare Tables 2 and 3 with measured errors, averaged in every way."""
     runs = {name: file.runs[name] for name in RUNS if name in file.runs and "e" in file.runs[name]}
-    tried = [
-        way_tried
-        for way_tried in (_tried(runs, paper, *way) for way in _ways(runs, timing))
-        if way_tried.sizes
-    ]
-    tried = tried or [*PrintedTables.tried]
+    every = [_tried(runs, paper, *way) for way in _ways(runs, timing)]
+    tried = [way for way in every if way.sizes] or [*PrintedTables.tried]
     left_out = {name: int((~np.isfinite(trace["e"])).any(axis=1).sum()) for name, trace in runs.items()}
-    most = max(len(way_tried.agree) for way_tried in tried)
+    most = max(len(way.agree) for way in tried)
     chance = min(1.0, len(tried) * chance_of_at_least(paper, tried[0].sizes, most))
     return PrintedTables(tuple(tried), left_out, chance, tuple(file.runs))
 

@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from support import synthetic_record
-from support.matlab_bytes import classic, objects, record, records, timeseries
+from support.matlab_bytes import classic
 
 from tendonrepro.console import QUIET
 from tendonrepro.dataset.ingestion import run_ingest, run_inspect
@@ -46,44 +46,12 @@ def write_csv(folder, names, files, separator, encoding):
         pd.DataFrame(table(run, names)).to_csv(folder / name, index=False, float_format="%.9f", **style)
 
 
-def write_sheets(folder, names, sheets):
-    """A sheet for each run."""
-    with pd.ExcelWriter(folder / "runs.xlsx") as book:
-        for run, title in zip(RUNS, sheets, strict=True):
-            pd.DataFrame(table(run, names)).to_excel(book, sheet_name=title, index=False)
-
-
-def structs():
-    return {run: {"t": TIME[:, None], "q_des": DESIRED, "q": MEASURED[run]} for run in RUNS}
-
-
 def nested():
     """Desired and measured angles in structs of their own."""
     own = {run: {"desired": DESIRED, "encoder": MEASURED[run]} for run in RUNS}
     return {
         run: {name: {"t": TIME[:, None], "q2": q[:, :1], "q3": q[:, 1:]} for name, q in parts.items()}
         for run, parts in own.items()
-    }
-
-
-def series(run):
-    angles = {
-        f"q{j}{end}": a[:, k]
-        for k, j in enumerate((2, 3))
-        for end, a in (("", MEASURED[run]), ("_des", DESIRED))
-    }
-    return record(**{name: timeseries(angle, TIME, name=name, unit="deg") for name, angle in angles.items()})
-
-
-def scopes():
-    return {
-        run: record(
-            time=TIME[:, None],
-            signals=records(
-                {"values": DESIRED, "label": "q_des"}, {"values": MEASURED[run], "label": "q_act"}
-            ),
-        )
-        for run in RUNS
     }
 
 
@@ -105,7 +73,6 @@ def write_apart(folder):
 
 
 FILES = [f"{run}.csv" for run in RUNS]
-OF_LABS = ("α-TDE-NTSM", "TDE-NTSM", "TDE-TSM", "α-TDE-NTSM 0.2kg")
 OF_GERMANS = ("Regler 1.csv", "Regler 2.csv", "Regler 3.csv", "Regler 1 Nutzlast.csv")
 OF_CHINESE = ("控制器1.csv", "控制器2.csv", "控制器3.csv", "控制器1负载.csv")
 LAYOUTS = {
@@ -113,10 +80,6 @@ LAYOUTS = {
     "csv, German": lambda f: write_csv(f, GERMAN, OF_GERMANS, ";", "cp1252"),
     "csv, Chinese": lambda f: write_csv(f, CHINESE, OF_CHINESE, ",", "gbk"),
     "csv, symbols": lambda f: write_csv(f, SYMBOLS, FILES, "\t", "utf-8"),
-    "sheets, English": lambda f: write_sheets(f, ENGLISH, OF_LABS),
-    "structs": lambda f: classic(f / "runs.mat", structs()),
-    "timeseries": lambda f: objects(f / "runs.mat", {run: series(run) for run in RUNS}, "v7"),
-    "scopes": lambda f: classic(f / "runs.mat", scopes()),
     "HDF5": write_hdf5,
     "folders": write_apart,
     "structs of structs": lambda f: classic(f / "runs.mat", {"exp": nested()}),
@@ -240,12 +203,6 @@ def test_what_looks_wrong_is_said(columns, words, tmp_path):
     assert any(words in doubt for doubt in found["doubts"])
 
 
-def test_an_error_of_the_files_own_arithmetic_is_no_doubt(tmp_path):
-    columns = {"qd": DESIRED[:, 0], "q": 0.95 * DESIRED[:, 0]}
-    columns["e"] = np.round(columns["qd"] - columns["q"], 3)
-    assert ingest(*made(tmp_path, BOTH + "runs: {controller_1: x.csv}\n", t=TIME, **columns))["doubts"] == []
-
-
 def test_two_clocks_come_together_on_the_first(tmp_path):
     other = TIME[:-5] + 0.003
     late = pd.DataFrame({"ms": 1e3 * other, "qd": np.interp(other, TIME, DESIRED[:, 0])})
@@ -335,12 +292,3 @@ def test_a_damaged_file_is_a_sentence_and_the_rest_is_read(tmp_path):
     sources, unread, _ = read_files([tmp_path])
     assert [source.name for source in sources] == ["good.csv"]
     assert set(unread) == set(DAMAGED)
-
-
-def test_a_column_without_two_numbers_in_a_row_has_no_step(tmp_path):
-    rows = [f"{k},{k if k % 2 else ''}" for k in range(40)]
-    (tmp_path / "SYNTHETIC gaps.csv").write_text("\n".join(["time,a", *rows]) + "\n")
-    (table,) = inspect(tmp_path / "SYNTHETIC gaps.csv", None)["tables"]
-    steps = {column["column"]: column["median_step"] for column in table["columns"]}
-    assert steps["time"] == 1.0
-    assert np.isnan(steps["a"])

@@ -21,89 +21,92 @@ from tendonrepro.dataset.windows import (
 TIMING = dict.fromkeys((*CONTROLLERS, LOADED), Timing(0.0, PERIOD))
 
 
-class TestWindows:
-    def test_the_whole_run_is_the_winner_where_it_gives_all_numbers(self):
-        found = try_windows(printed_file(lambda time: time < np.inf), published(), TIMING)
-        assert found.compared == NUMBERS == 16
-        assert found.winner is found.tried[0]
-        assert found.winner.name == "whole"
-        assert found.chance < 1e-15
+@pytest.mark.parametrize(
+    ("window", "first", "last"),
+    [("whole", 0.0, np.inf), ("after_first_period", PERIOD, np.inf), ("period_1", 0.0, PERIOD)],
+)
+def test_the_one_window_with_the_printed_numbers_is_found(window, first, last):
+    file = printed_file(lambda time: (time >= first - 1e-9) & (time < last - 1e-9))
+    found = try_windows(file, published(), TIMING)
+    assert found.compared == NUMBERS == 16
+    assert found.winner.name == window
+    assert found.chance < 1e-14
+    assert all(len(one.agree) < NUMBERS for one in found.tried if one is not found.winner)
 
-    @pytest.mark.parametrize(
-        ("window", "first", "last"), [("after_first_period", PERIOD, np.inf), ("period_1", 0.0, PERIOD)]
+
+def test_a_constant_offset_is_found_to_have_been_taken_off():
+    file = printed_file(lambda time: time < np.inf, centred=True)
+    runs = {name: measured_trace(trace, e=trace["e"] + 0.01) for name, trace in file.runs.items()}
+    found = try_windows(replace(file, runs=runs), published(), TIMING)
+    assert found.winner.name == "whole, offset removed"
+
+
+def test_the_first_with_all_numbers_wins_and_else_the_first_decides():
+    given = {"a": 1.0, "b": 2.0}
+    none, some, whole, again = (Tried(ids, False, given, tuple(ids)) for ids in ("", "a", "ab", "ba"))
+    found = PrintedTables((none, some), {}, 0.0)
+    assert (found.best, found.winner, found.deciding) == (some, None, none)
+    assert PrintedTables((none, some, whole, again), {}, 0.0).winner is whole
+
+
+def test_windows_that_keep_the_same_samples_count_once():
+    names = [one.window for one in try_windows(make_compare_file(), published(), TIMING).tried]
+    assert len(names) == 2 * len(set(names))
+    assert set(names) == {"whole", "after_first_period", "period_1"}
+    single = TIMING | {"controller_2": Timing(0.0, 0.0)}
+    found = try_windows(make_compare_file(), published(), single)
+    assert {one.window for one in found.tried} == {"whole"}
+
+
+def test_an_incomplete_last_period_and_a_late_start_are_told_apart():
+    time = 0.01 * np.arange(2501)
+    found = spans(time, Timing(1.0, 10.0))
+    assert found["whole"] == slice(100, 2501)
+    assert found["with_standstill"] == slice(0, 2501)
+    assert found["whole_periods"] == slice(100, 2100)
+    assert found["after_first_period"] == slice(1100, 2501)
+    assert found["period_2"] == slice(1100, 2100)
+    assert list(spans(time, Timing(0.0, 0.0))) == ["whole", "with_standstill"]
+    assert spans(time, Timing(99.0, 10.0)) == spans(time, Timing(0.0, 10.0))
+
+
+def test_averages_begin_with_the_motion():
+    """Twice the printed errors while the arm stood still count only where the standstill is asked for."""
+    file = printed_file(lambda time: time >= 2.0 - 1e-9)
+    found = try_windows(file, published(), dict.fromkeys(TIMING, Timing(2.0, 0.0)))
+    assert [one.name for one in found.tried[:2]] == ["whole", "with_standstill"]
+    assert found.winner is found.deciding is found.tried[0]
+
+
+@pytest.mark.parametrize(("start", "first"), [(3.004, 100), (3.0055, 101), (3.006, 101)])
+def test_a_motion_begins_at_the_nearest_sample(start, first):
+    found = spans(2.0 + 0.01 * np.arange(2501.0), Timing(start, 10.0))
+    assert found["whole_periods"] == slice(first, first + 2000)
+
+
+def test_the_chance_counts_every_try():
+    whole = printed_file(lambda time: time < np.inf)
+    found = try_windows(
+        replace(whole, runs={"controller_2": whole.runs["controller_2"]}), published(), TIMING
     )
-    def test_the_one_window_with_the_printed_numbers_is_found(self, window, first, last):
-        file = printed_file(lambda time: (time >= first - 1e-9) & (time < last - 1e-9))
-        found = try_windows(file, published(), TIMING)
-        assert found.winner.name == window
-        assert all(len(one.agree) < NUMBERS for one in found.tried if one is not found.winner)
+    assert found.chance == pytest.approx(
+        len(found.tried) * chance_of_at_least(published(), found.tried[0].sizes, 4)
+    )
+    nothing = try_windows(replace(whole, runs={}), published(), {})
+    assert (nothing.winner, nothing.window) == (None, None)
 
-    def test_a_constant_offset_is_found_to_have_been_taken_off(self):
-        file = printed_file(lambda time: time < np.inf, centred=True)
-        runs = {name: measured_trace(trace, e=trace["e"] + 0.01) for name, trace in file.runs.items()}
-        found = try_windows(replace(file, runs=runs), published(), TIMING)
-        assert found.winner.name == "whole, offset removed"
 
-    def test_the_first_with_all_numbers_wins_and_else_the_first_decides(self):
-        given = {"a": 1.0, "b": 2.0}
-        none, some, whole, again = (Tried(ids, False, given, tuple(ids)) for ids in ("", "a", "ab", "ba"))
-        found = PrintedTables((none, some), {}, 0.0)
-        assert (found.best, found.winner, found.deciding) == (some, None, none)
-        assert PrintedTables((none, some, whole, again), {}, 0.0).winner is whole
-
-    def test_windows_that_keep_the_same_samples_count_once(self):
-        names = [one.window for one in try_windows(make_compare_file(), published(), TIMING).tried]
-        assert len(names) == 2 * len(set(names))
-        assert set(names) == {"whole", "after_first_period", "period_1"}
-        single = TIMING | {"controller_2": Timing(0.0, 0.0)}
-        found = try_windows(make_compare_file(), published(), single)
-        assert {one.window for one in found.tried} == {"whole"}
-
-    def test_an_incomplete_last_period_and_a_late_start_are_told_apart(self):
-        time = 0.01 * np.arange(2501)
-        found = spans(time, Timing(1.0, 10.0))
-        assert found["whole"] == slice(100, 2501)
-        assert found["with_standstill"] == slice(0, 2501)
-        assert found["whole_periods"] == slice(100, 2100)
-        assert found["after_first_period"] == slice(1100, 2501)
-        assert found["period_2"] == slice(1100, 2100)
-        assert list(spans(time, Timing(0.0, 0.0))) == ["whole", "with_standstill"]
-        assert spans(time, Timing(99.0, 10.0)) == spans(time, Timing(0.0, 10.0))
-
-    def test_averages_begin_with_the_motion(self):
-        """Twice the printed errors while the arm stood still count only where the standstill is asked for."""
-        file = printed_file(lambda time: time >= 2.0 - 1e-9)
-        found = try_windows(file, published(), dict.fromkeys(TIMING, Timing(2.0, 0.0)))
-        assert [one.name for one in found.tried[:2]] == ["whole", "with_standstill"]
-        assert found.winner is found.deciding is found.tried[0]
-
-    @pytest.mark.parametrize(("start", "first"), [(3.004, 100), (3.0055, 101), (3.006, 101)])
-    def test_a_motion_begins_at_the_nearest_sample(self, start, first):
-        found = spans(2.0 + 0.01 * np.arange(2501.0), Timing(start, 10.0))
-        assert found["whole_periods"] == slice(first, first + 2000)
-
-    def test_the_chance_counts_every_try(self):
-        whole = printed_file(lambda time: time < np.inf)
-        found = try_windows(
-            replace(whole, runs={"controller_2": whole.runs["controller_2"]}), published(), TIMING
-        )
-        assert found.chance == pytest.approx(
-            len(found.tried) * chance_of_at_least(published(), found.tried[0].sizes, 4)
-        )
-        nothing = try_windows(replace(whole, runs={}), published(), {})
-        assert (nothing.winner, nothing.window) == (None, None)
-
-    def test_missing_samples_are_left_out_and_counted(self):
-        """Those of which one joint is missing, too."""
-        file = printed_file(lambda time: time < np.inf)
-        trace = file.runs["controller_2"]
-        e = trace["e"].copy()
-        e[500:600] = e[10:15, 0] = e[20:22, 1] = np.nan
-        holed = replace(file, runs={**file.runs, "controller_2": measured_trace(trace, e=e)})
-        found = try_windows(holed, published(), TIMING)
-        size = found.tried[0].sizes["table2.controller_2.mae.joint_2"]
-        assert size == pytest.approx(np.nanmean(np.abs(np.rad2deg(e[:, 0]))), rel=1e-12)
-        assert found.left_out == {**dict.fromkeys(file.runs, 0), "controller_2": 107}
+def test_missing_samples_are_left_out_and_counted():
+    """Those of which one joint is missing, too."""
+    file = printed_file(lambda time: time < np.inf)
+    trace = file.runs["controller_2"]
+    e = trace["e"].copy()
+    e[500:600] = e[10:15, 0] = e[20:22, 1] = np.nan
+    holed = replace(file, runs={**file.runs, "controller_2": measured_trace(trace, e=e)})
+    found = try_windows(holed, published(), TIMING)
+    size = found.tried[0].sizes["table2.controller_2.mae.joint_2"]
+    assert size == pytest.approx(np.nanmean(np.abs(np.rad2deg(e[:, 0]))), rel=1e-12)
+    assert found.left_out == {**dict.fromkeys(file.runs, 0), "controller_2": 107}
 
 
 def test_the_chance_of_agreement_is_that_of_independent_numbers():
