@@ -158,10 +158,6 @@ def test_loops_that_grow_are_those_without_decay():
 
 
 class TestPlants:
-    def test_start_of_each_run(self):
-        built, cold = loops_of(SHORT), loops_of(SHORT, "control.readings.start=cold")
-        assert [{loop.cold for loop in found.values()} for found in (built, cold)] == [{False}, {True}]
-
     def test_instruments_and_solver_are_those_of_the_configuration(self):
         parts = {
             "manipulator.encoders.joint": {"resolution": 0.5, "noise": 0.25},
@@ -171,7 +167,9 @@ class TestPlants:
             "status": {"divergence_limit": 7},
         }
         keys = [f"{part}.{key}={value}" for part, held in parts.items() for key, value in held.items()]
-        loop = loops_of(SHORT, *keys, "seed=5")["controller_1"]
+        loop = loops_of(SHORT, *keys, "seed=5", "control.readings.start=cold")["controller_1"]
+        assert loop.cold
+        assert not loops_of(SHORT)["controller_1"].cold
         assert np.rad2deg(loop.joint_encoder) == pytest.approx([0.5, 0.25])
         assert np.rad2deg(loop.motor_encoder) == pytest.approx([0.125, 0.0625])
         assert (loop.actuator.resolution, loop.actuator.noise, loop.seed) == (0.02, 0.03, 5)
@@ -242,26 +240,15 @@ class TestReference:
         np.testing.assert_allclose(found.q_d[1000], [0.0, np.deg2rad(20.0)], atol=1e-12)
         assert found.period == 0.0  # 1 s and 2 s
 
-    def test_strokes_of_a_trapezoid_turn_back_together(self):
-        rates = reference(f"reference={TRAPEZOID}").dq_d
-        assert (rates[1999] == 0.0).all()
-        assert (rates[2001] < 0.0).all()
-
-    @pytest.mark.parametrize(
-        ("experiment", "key", "amplitude"),
-        [("compare", "reference", "[8,"), ("decouple", "runs.decouple.reference", "[28,")],
-    )
-    def test_a_motion_that_cannot_be_built_is_placed(self, experiment, key, amplitude, tmp_path):
-        init_config(experiment, tmp_path)
-        path = tmp_path / f"{experiment}.yaml"
-        text = path.read_text(encoding="utf-8").replace(amplitude, "[300,", 1)
+    def test_a_motion_that_cannot_be_built_is_placed(self, tmp_path):
+        init_config("decouple", tmp_path)
+        path, key = tmp_path / "decouple.yaml", "runs.decouple.reference"
+        text = path.read_text(encoding="utf-8").replace("[28,", "[300,", 1)
         path.write_text(text, encoding="utf-8")
-        line = text[: text.index("[300,")].count("\n") + 1
-        option = f"{key}.amplitude"
-        changed = f"{option}={[200] * (2 if experiment == 'compare' else 3)}"
-        for overrides, where in (((), f"{path}:{line}"), ((changed,), f"--set {option}")):
+        line, option = text[: text.index("[300,")].count("\n") + 1, f"{key}.amplitude"
+        for overrides, where in (((), f"{path}:{line}"), ((f"{option}=[200,0,0]",), f"--set {option}")):
             with pytest.raises(ConfigError, match=rf": {key}: link \d would reach") as caught:
-                loops.all_loops(load_config(path, experiment, overrides=overrides), None)
+                loops.all_loops(load_config(path, "decouple", overrides=overrides))
             assert caught.value.where == where
 
     @pytest.mark.parametrize(
@@ -269,9 +256,7 @@ class TestReference:
     )
     def test_links_stay_in_the_working_half_plane(self, amplitude, link, angle):
         text = motion("minimum_jerk", amplitude, rise=1, hold=0)
-        with pytest.raises(
-            ConfigError, match=rf"link {link} would reach -?[\d.]+ deg from hanging at t = "
-        ) as caught:
+        with pytest.raises(ConfigError, match=rf"link {link} would reach") as caught:
             reference(f"reference={text}")
         reached = float(str(caught.value).split("reach ")[1].split(" deg")[0])
         assert reached == pytest.approx(angle, abs=0.5)
@@ -297,18 +282,15 @@ class TestSampledReference:
             np.testing.assert_allclose(ours, exact[:, np.newaxis] * [2.0, 1.0], atol=1e-10)
         assert loops.reference_period(loaded(override).config.reference) == 0.0
 
-    def test_file_that_cannot_be_followed(self, tmp_path):
-        with pytest.raises(ConfigError, match=r"motion.csv: has no column for joint 3"):
+    def test_file_that_cannot_be_followed(self, tmp_path, monkeypatch):
+        with pytest.raises(ConfigError, match="joint 3"):
             reference(self.config(tmp_path, ["q2_deg"]))
         override, path = self.config(tmp_path, ["q2_deg", "q3_deg"]), tmp_path / "motion.csv"
         head, first, *rest = path.read_text().splitlines()
-        for start in ("0.5", "-0.5"):
-            path.write_text("\n".join([head, f"{first.rpartition(',')[0]},{start}", *rest]))
-            loaded.cache_clear()
-            with pytest.raises(ConfigError, match=rf"motion.csv:2: joint 3 starts at {start} deg"):
-                reference(override)
-
-    def test_a_file_shorter_than_a_period_is_no_motion(self, tmp_path, monkeypatch):
+        path.write_text("\n".join([head, f"{first.rpartition(',')[0]},-0.5", *rest]))
+        with pytest.raises(ConfigError, match=r"motion.csv:2: joint 3 starts at -0.5 deg"):
+            reference(override)
         monkeypatch.setattr(self, "TIME", 1e-4 * self.TIME)
+        loaded.cache_clear()
         with pytest.raises(ConfigError, match=r"1 to 1e\+06 periods"):
             reference(self.config(tmp_path, ["q2_deg", "q3_deg"]))

@@ -42,11 +42,6 @@ class TestArm:
         assert mass_matrix(q[1:], held) == pytest.approx(mass_matrix(q, whole)[1:, 1:], rel=1e-14)
         assert bias_torque(q[1:], dq[1:], held) == pytest.approx(bias_torque(q, dq, whole)[1:], rel=1e-14)
 
-    def test_payload_adds_its_weight_at_the_tip(self):
-        added = rig.build_arm(COMPARE, 0.2).b - rig.build_arm(COMPARE, 0.0).b
-        # Moment of weight of a link: the payload on its whole length.
-        assert added == pytest.approx([0.2 * 9.81 * 0.28, 0.2 * 9.81 * 0.20], rel=1e-13)
-
 
 class TestDrive:
     def test_joint_matrices_of_two_joints(self):
@@ -68,15 +63,13 @@ class TestDrive:
             # What the reducer does not pass on is lost.
             ("compare", "friction.reducer_efficiency=0.7", "reducer_loss", [0.3, 0.3]),
             ("compare", "transmission_error.peak_to_peak=4.4e-4", "wobble", [2.2e-4, 2.2e-4]),
+            # Times the common factor of the plain arm, 5.
+            ("compare", "tendons.axial_damping=[1, 2, 3]", "damping", [10.0 * 0.0185**2, 15.0 * 0.0185**2]),
         ],
     )
     def test_losses_and_play(self, experiment, override, field, value):
         drive = rig.build_drive(config_of(experiment, f"manipulator.{override}"))
         assert getattr(drive, field) == pytest.approx(value, rel=1e-12)
-
-    def test_the_common_factor_is_on_every_damping(self):
-        drive = rig.build_drive(arm_with("tendons.axial_damping=[1, 2, 3]", "tendons.damping_factor=5"))
-        assert drive.damping == pytest.approx([5.0 * 2.0 * 0.0185**2, 5.0 * 3.0 * 0.0185**2], rel=1e-12)
 
 
 def test_tensioner_torque_at_each_joint():

@@ -40,9 +40,7 @@ def called(path, text, *given):
         (LAW.format(body="return q +"), None, "SyntaxError: invalid syntax (own.py, line 5)"),
         (LAW.format(body="return q") + "mine.gain = nowhere\n", 6, "NameError"),
         (LAW.format(body="return math.sqrt(-1.0)"), 5, "the law mine failed: ValueError"),
-        (LAW.format(body="return np.linalg.inv(q)").replace("math", "numpy as np"), 5, "LinAlgError"),
         (LAW.format(body="return q[:1]"), None, "must return tau"),
-        (LAW.format(body="return q + 0j"), None, "must return tau"),
         (LAW.format(body="return q * math.nan"), None, "[nan nan]"),
         ("mine = abs\n", None, "the law mine failed: TypeError"),
         ("import sys\nsys.exit(3)\n", 2, "SystemExit"),
@@ -54,11 +52,6 @@ def test_a_mistake_has_its_line(tmp_path, monkeypatch, text, line, words):
         called(Path("own.py"), text)
     assert words in caught.value.message
     assert caught.value.where == f"own.py:{line or 'mine'}"
-
-
-def test_a_torque_of_a_run_that_left_all_numbers_is_its_runs_matter(tmp_path):
-    lost = np.full((4, 2), np.nan)
-    assert np.isnan(called(tmp_path / "own.py", LAW.format(body="return q"), *lost)[0]).all()
 
 
 @pytest.mark.parametrize(
@@ -81,14 +74,6 @@ class Stateless:
         return self.gain * (given[2] - given[1])
 
 
-class Counting(Stateless):
-    """Its gain grows from call to call."""
-
-    def __call__(self, *given):
-        self.gain = self.gain + 0.1
-        return super().__call__(*given)
-
-
 class Deriving(Stateless):
     """Its rate is that of the error it saw last."""
 
@@ -100,7 +85,7 @@ class Deriving(Stateless):
         return self.gain * e + 2.0 * rate
 
 
-@pytest.mark.parametrize(("kind", "keeps"), [(Stateless, False), (Counting, True), (Deriving, True)])
+@pytest.mark.parametrize(("kind", "keeps"), [(Stateless, False), (Deriving, True)])
 def test_a_law_that_remembers_is_told_from_one_that_does_not(kind, keeps):
     short = ["reference.rise=0.2", "reference.hold=0", "reference.periods=1"]
     loop = dict(all_loops(load_config("plain", "compare", overrides=short)))["controller_1"]
@@ -108,23 +93,23 @@ def test_a_law_that_remembers_is_told_from_one_that_does_not(kind, keeps):
         refuse_memory(*laws_of({"own": kind()}), loop)
 
 
-def test_what_a_law_prints_is_no_result(tmp_path, capsys):
-    called(tmp_path / "own.py", "print('loaded')\n" + LAW.format(body="print('called'); return q, q, q, q"))
-    assert capsys.readouterr() == ("", "loaded\ncalled\n")
-
-
-def test_what_a_law_does_to_its_arguments_stays_with_it(tmp_path):
-    body = "memory.q[:] = q[:] = q_d[:] = dq_d[:] = ddq_d[:] = 7.0; return q, q, q, q"
+def test_what_a_law_prints_or_does_to_its_arguments_stays_with_it(tmp_path, capsys):
+    body = "print('called'); memory.q[:] = q[:] = q_d[:] = dq_d[:] = ddq_d[:] = 7.0; return q, q, q, q"
     given = np.zeros((4, 2))
-    parts = called(tmp_path / "own.py", LAW.format(body=body), *given)
+    parts = called(tmp_path / "own.py", "print('loaded')\n" + LAW.format(body=body), *given)
+    assert capsys.readouterr() == ("", "loaded\ncalled\n")
     assert np.all(np.stack(parts) == 7.0)
     assert not given.any()
     assert not AT_REST.q.any()
+    # A run that left all numbers is told by its status, not as a mistake of the law.
+    lost = np.full((4, 2), np.nan)
+    assert np.isnan(called(tmp_path / "own.py", LAW.format(body="return q"), *lost)[0]).all()
 
 
-def test_no_law_takes_the_name_of_a_run_that_was_left_out():
-    with pytest.raises(UsageError, match="something else of the name 'controller_1'"):
-        all_loops(load_config("plain", "compare", controllers=[2, 3]), laws_of({"controller_1": abs}))
+def test_a_law_needs_a_name_of_its_own():
+    for name in ("a/b", "mine_payload", "controller_1"):
+        with pytest.raises(UsageError):
+            all_loops(load_config("plain", "compare", controllers=[2, 3]), laws_of({name: abs}))
 
 
 class Pd:
@@ -191,9 +176,3 @@ def test_the_text_of_a_law_counts(tmp_path):
         digests.add(loaded.sha256)
         assert loaded.inputs[-1] == path
     assert len(digests) == 2
-
-
-def test_a_law_needs_a_name_that_files_can_bear():
-    for name in ("a/b", "mine_payload"):
-        with pytest.raises(UsageError):
-            laws_of({name: abs})
