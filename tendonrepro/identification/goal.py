@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.models.control import RUNS, unloaded_run
-from tendonrepro.configuration.published import METRICS, Published, row_of
+from tendonrepro.configuration.published import METRICS, Published, published, row_of
 from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.console import count_of
 from tendonrepro.errors import DataMissingError, UsageError, did_you_mean
 from tendonrepro.physics.metrics import START
 from tendonrepro.results.paper_tables import COLUMNS
 from tendonrepro.results.summary import tracking_errors, without_start_name
-from tendonrepro.results.traces import read_traces
+from tendonrepro.results.traces import TRACES, read_traces
 
 Target: TypeAlias = Literal["controller_2", "all"]
 FITTED: Mapping[Target, tuple[str, ...]] = {"controller_2": ("controller_2",), "all": RUNS}
@@ -119,6 +119,30 @@ class _Number(NamedTuple):
     joint: int
     value: float
     half: float
+
+
+def goal_of(
+    loaded: LoadedEnsemble,
+    errors: Path | None,
+    window: Window = "whole",
+    fit: Target = "all",
+    laws: Sequence[str] = (),
+) -> Goal:
+    """Numbers of a user, or else of the paper, which has none of an own arm or of own `laws`."""
+    if errors is not None:
+        return own_numbers(errors, loaded, window, laws)
+    if laws or loaded.around:
+        message = f"there are no published errors of {'a law' if laws else 'an arm'} of your own"
+        raise UsageError(message, where="--errors", hint="name a table of errors that you measured")
+    return printed_numbers(published(), loaded.compare.joints, fit)
+
+
+def with_input(loaded: LoadedEnsemble, errors: Path | None) -> LoadedEnsemble:
+    """Plants whose manifest tells the file of a user's numbers, too."""
+    if errors is None:
+        return loaded
+    file = errors / TRACES if errors.is_dir() else errors
+    return replace(loaded, base=replace(loaded.base, inputs=(*loaded.base.inputs, file)))
 
 
 def own_numbers(path: Path, loaded: LoadedEnsemble, window: Window, laws: Sequence[str] = ()) -> Goal:

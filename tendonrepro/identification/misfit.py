@@ -162,9 +162,3 @@ def in_order(ours: Simulated, goal: Goal) -> NDArray[np.bool_]:
     by_goal = np.take_along_axis(sizes, np.argsort(theirs, axis=0)[np.newaxis], axis=1)
     rising = np.all((np.diff(by_goal, axis=1) > 0.0) | ~whole, axis=(1, 2, 3))
     return np.asarray(rising & ours.ok[:, goal.compared].all(axis=1))
-
-
-def rounding_misfit(sizes: Array, goal: Goal) -> float | None:
-    """Root mean square of ours (R, 2, n) less the goal in half units of the last digit, if all have one."""
-    apart = ((sizes - goal.values) / goal.half)[goal.fitted]
-    return float(np.sqrt(np.mean(apart**2))) if np.isfinite(apart).all() else None

@@ -114,10 +114,8 @@ def _scalars(answer: SearchAnswer) -> Json:
 def conclusion(first: SearchAnswer, goal: Goal, within: str) -> str:
     """Whether a plant fits under the first reading."""
     answer = f"A plant within {within} gives" if first["fits"] else "No plausible plant found for"
-    size = f"{first['misfit_log']:.3g} in log ratio"
-    if first["misfit_rounding"] is not None:
-        size += f", {first['misfit_rounding']:.3g} half units of the last digit"
-    return f"{answer} {goal.told}{_under(first, goal)}: best misfit {size}."
+    size = f"best misfit {first['misfit_log']:.3g} in log ratio"
+    return f"{answer} {goal.told}{_under(first, goal)}: {size}."
 
 
 def _under(search: SearchAnswer, goal: Goal) -> str:
@@ -240,16 +238,12 @@ def known_rows(box: Population, units: Array, numbers: int, *, fits: bool) -> li
     return rows
 
 
-def parameter_rows(box: Population, units: Array) -> list[Json]:
-    """Every row of the box at points (N, P), the best first.
-
-    What the best plant has switched off is at no bound.
-    """
-    values, best = box.values(units), units[0]
-    idle = set() if box.around else idle_rows(box.named(values[0]))
+def parameter_rows(box: Population, best: Array) -> list[Json]:
+    """Every row of the box at a point (P,); what is off there is at no bound."""
+    values = box.values(best[np.newaxis])[0]
+    idle = set() if box.around else idle_rows(box.named(values))
     rows: list[Json] = []
-    for p, row in enumerate(box.rows):
-        plants = [row.words[int(value)] if row.words else float(value) for value in values[:, p]]
+    for row, value, unit in zip(box.rows, values.tolist(), best.tolist(), strict=True):
         can_lean = row.free and not row.choices and row.name not in idle
         rows.append(
             {
@@ -258,10 +252,8 @@ def parameter_rows(box: Population, units: Array) -> list[Json]:
                 "low": row.low,
                 "high": row.high,
                 "searched": row.free,
-                "choice": bool(row.choices),
-                "best": plants[0],
-                "at_bound": _bound(best[p]) if can_lean else None,
-                "plants": plants,
+                "best": row.words[int(value)] if row.words else value,
+                "at_bound": _bound(unit) if can_lean else None,
             }
         )
     return rows

@@ -19,15 +19,14 @@ from tendonrepro.configuration.models import readings as axes
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.configuration.models.readings import Reading, default_readings, named_readings
-from tendonrepro.configuration.published import published
 from tendonrepro.configuration.shown import SHOWN
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import reference_period
 from tendonrepro.files import Json
 from tendonrepro.identification import report
-from tendonrepro.identification.goal import Goal, Target, Window, own_numbers, printed_numbers
-from tendonrepro.identification.misfit import Bench, Repeats, rounding_misfit
+from tendonrepro.identification.goal import Goal, Target, Window, goal_of, with_input
+from tendonrepro.identification.misfit import Bench, Repeats
 from tendonrepro.identification.optimisers import SEARCHES, SearchPoints
 from tendonrepro.identification.report import SearchAnswer
 from tendonrepro.identification.space import space_of
@@ -37,7 +36,6 @@ from tendonrepro.monte_carlo.population import Population
 from tendonrepro.parallel import as_ready, check_jobs, processors
 from tendonrepro.physics.metrics import START
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
-from tendonrepro.results.traces import TRACES
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result
@@ -171,11 +169,14 @@ def identification(
     if budget < 1:
         raise UsageError(f"must be at least 1, found {budget}", where="--budget")
     check_jobs(jobs)
+    if errors and fit != "controller_2":
+        message = f"is of the paper's tables; what is fitted stands in {errors}"
+        raise UsageError(message, where="--fit", hint="leave it out")
     window = _window(loaded, window) if errors else window
     space = space_of(loaded)
     task = IdentificationTask(
         loaded=loaded,
-        goal=_goal(loaded, fit, errors, window),
+        goal=goal_of(loaded, errors, window, fit),
         readings=_named(readings, loaded),
         budget=budget,
         rows=_named_rows(rows, space.box),
@@ -188,35 +189,13 @@ def identification(
     def run(site: Site, states: Path) -> Result:
         return _result(task, head, _searches(task, states, jobs, site.talk), site.files)
 
-    files = [errors / TRACES if errors.is_dir() else errors] if errors else []
-    loaded = replace(loaded, base=replace(loaded.base, inputs=(*loaded.base.inputs, *files)))
-    study = study_on_plants(
-        "identify",
-        loaded,
-        task.identity,
-        run,
-        folder,
-        cost=task.cost(),
-        averages="" if errors else WHOLE_RUNS,
-    )
+    told, averages = with_input(loaded, errors), "" if errors else WHOLE_RUNS
+    study = study_on_plants("identify", told, task.identity, run, folder, cost=task.cost(), averages=averages)
     asked = [reading.name for reading in task.readings]
     text = f"identify would make {count_of(len(head['searches']), 'search', 'searches')}"
     text += f" of {head['evaluations']} plants\nwould write to {head['out']}"
     plan = {**head, "config_sha256": loaded.sha256, "readings": asked, "text": text}
     return replace(study, decided_by={"readings": asked}, plan=plan)
-
-
-def _goal(loaded: LoadedEnsemble, fit: Target, errors: Path | None, window: Window) -> Goal:
-    """The numbers to fit: those of a user, or else of the paper."""
-    if errors is None:
-        if loaded.around:
-            message = "there are no published errors of an arm of your own"
-            raise UsageError(message, where="--errors", hint="name a table of errors that you measured")
-        return printed_numbers(published(), loaded.compare.joints, fit)
-    if fit != "controller_2":
-        message = f"is of the paper's tables; what is fitted stands in {errors}"
-        raise UsageError(message, where="--fit", hint="leave it out")
-    return own_numbers(errors, loaded, window)
 
 
 def _window(loaded: LoadedEnsemble, window: Window) -> Window:
@@ -385,7 +364,6 @@ def _reading_data(
     units = np.vstack([nearest.points[:1], *(end.points[end.medians <= limit] for end in ends)])
     goal, config = task.goal, bench.config(units[0], reading)
     ours, shown = bench.measure(bench.box.values(units), reading, goal.runs), bench.space.shown(config)
-    of_runs = [goal.runs.index(run) for run in task.fitted]
     near = np.vstack([nearest.points[:1], seen[0][seen[1] <= limit]])
     known = report.known_rows(bench.box, near, goal.numbers, fits=misfit <= NEAR)
     for row in known:
@@ -395,7 +373,6 @@ def _reading_data(
         "name": reading.name,
         "search": case.name,
         "misfit_log": misfit,
-        "misfit_rounding": rounding_misfit(ours.sizes[0, of_runs], goal.sought),
         "fits": misfit <= NEAR,
         "searches": [end.row for end in ends],
         "near_limit": limit,
@@ -403,7 +380,7 @@ def _reading_data(
         "rows_searched": [row.name for row in bench.box.rows if row.free],
         "best_shape": report.shape_rows(ours, goal),
         "numbers": report.number_rows(ours, goal),
-        "parameters": report.parameter_rows(bench.box, units),
+        "parameters": report.parameter_rows(bench.box, units[0]),
         "known": known,
     }
     return data, config

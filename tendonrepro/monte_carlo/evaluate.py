@@ -13,7 +13,7 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.console import Talk
-from tendonrepro.errors import TendonreproError, UsageError
+from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.user_law import UserLaw, refuse_memory, refused_on_lanes
 from tendonrepro.monte_carlo.plan import EnsembleStudy, Piece
 from tendonrepro.results.record_store import Records, RecordStore
@@ -85,17 +85,24 @@ def _loops(study: EnsembleStudy, piece: Piece, values: Array) -> Iterator[list[L
 
 
 def refuse_alone(study: EnsembleStudy, law: UserLaw) -> None:
-    """Refuse a law that cannot run on many arms together, before hours of work: its first samples show it."""
+    """Refuse a law that cannot run on many arms together, before hours of work."""
     (arms,) = study.populations.values()
+    (loops,) = arms.loops(np.ones((1, len(arms.rows))), study.cases, [law])
+    refuse_on_lanes(law, loops[study.lookup[law.name, PRINTED]])
+
+
+def refuse_on_lanes(law: UserLaw, loop: Loop, trial: Callable[[Loop], object] = lambda _: None) -> None:
+    """Raise a UsageError for a law that cannot run on many plants together: the first samples show it.
+
+    So does a `trial` of them that fails.
+    """
+    stub = stub_of(loop)
     try:
-        (loops,) = arms.loops(np.ones((1, len(arms.rows))), study.cases, [law])
-        loop = stub_of(loops[study.lookup[law.name, PRINTED]])
-        simulate_batch([loop])
-    except UsageError:
-        raise
+        simulate_batch([stub])
+        trial(stub)
     except Exception as error:
         raise refused_on_lanes(law.name, error) from error
-    refuse_memory(law, loop)
+    refuse_memory(law, stub)
 
 
 def stub_of(loop: Loop) -> Loop:

@@ -16,13 +16,14 @@ from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError, did_you_mean
 from tendonrepro.experiments import user_law
+from tendonrepro.monte_carlo.evaluate import refuse_on_lanes
 from tendonrepro.monte_carlo.kept import study_on_plants
 from tendonrepro.monte_carlo.plan import identity_of
 from tendonrepro.parallel import as_ready, check_jobs, counted
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site, Study, cost_of
-from tendonrepro.tuning.bench import PUBLISHED, Candidate, loops_of, measure, usable
+from tendonrepro.tuning.bench import PUBLISHED, Candidate, loops_of, usable
 from tendonrepro.tuning.laws import LAWS, TunedLaw, tuned_user_law
 from tendonrepro.tuning.report import tuning_result
 from tendonrepro.tuning.search import TunedRow, TuningEffort, TuningTask
@@ -66,7 +67,10 @@ def tuning_study(
         raise UsageError(message, where="--law", hint="give it another name")
     task = TuningTask(loaded, _chosen(only, own), effort, seed, any_plant)
     for user, law in zip(users, own, strict=True):
-        _try(task, user, law)
+        drawn = task.draw(0)
+        n = drawn.alpha.size
+        middle = Candidate(law, PUBLISHED, law.values(np.full(sum(law.sizes(n)), 0.5), n))
+        refuse_on_lanes(user, loops_of(drawn, middle, 1)[0])
     loaded = replace(loaded, base=user_law.with_user_laws(loaded.base, users))
     identity = identity_of(
         loaded, "tuning", effort=asdict(effort), seed=seed, any_plant=any_plant, laws=sorted(task.laws)
@@ -92,19 +96,6 @@ def _chosen(only: str, own: Sequence[TunedLaw]) -> dict[str, TunedLaw]:
             message = f"there is no controller {name!r}{did_you_mean(name, laws)}"
             raise UsageError(message, where="--only", hint=f"There are: {', '.join(laws)}")
     return {name: law for name, law in LAWS.items() if name in names} | users
-
-
-def _try(task: TuningTask, user: user_law.UserLaw, law: TunedLaw) -> None:
-    """Refuse a user's law that cannot run on lanes, before hours of work."""
-    plants = task.draw(0)
-    n = plants.alpha.size
-    middle = law.values(np.full(sum(law.sizes(n)), 0.5), n)
-    candidate = Candidate(law, PUBLISHED, middle)
-    try:
-        measure(plants, [candidate])
-    except Exception as error:
-        raise user_law.refused_on_lanes(law.name, error) from error
-    user_law.refuse_memory(user, loops_of(plants, candidate, 1)[0])
 
 
 def _usable(task: TuningTask, wanted: int) -> list[int]:

@@ -25,7 +25,7 @@ from tendonrepro.identification.edits import study as edits_study
 from tendonrepro.identification.edits.rank import Outcomes, planted, ranking
 from tendonrepro.identification.edits.recorded import UNPRINTED, EditedLaw
 from tendonrepro.identification.edits.rules import Anatomy
-from tendonrepro.identification.edits.study import EditStudy, goal_of
+from tendonrepro.identification.edits.study import EditStudy, edited_goal
 from tendonrepro.identification.edits.variants import Variants, law_of, states, torques, variants_of
 from tendonrepro.physics import control
 from tendonrepro.physics.control import Law
@@ -187,7 +187,7 @@ def made_tables(apart: float) -> Outcomes:
         sizes[k, :, k % 3, k % 2] *= 1.0 + apart * k
     stable = np.ones((6, 80), dtype=bool)
     stable[5, 10:] = False
-    goal = goal_of(load_plants(None), (), None)
+    goal = edited_goal(load_plants(None), (), None)
     return Outcomes(0.3 * sizes, sizes[..., 0, 0], stable, goal, False)
 
 
@@ -213,7 +213,7 @@ def few_cells(monkeypatch: pytest.MonkeyPatch) -> EditStudy:
     """Three plants, one at a time, without edits."""
     monkeypatch.setattr(edits_study, "PLANTS_AT_ONCE", 1)
     loaded = load_plants(None)
-    study = EditStudy(loaded, (), goal_of(loaded, (), None), 3)
+    study = EditStudy(loaded, (), edited_goal(loaded, (), None), 3)
     study.__dict__["variants"] = Variants((), (), (), 0)
     return study
 
@@ -271,7 +271,7 @@ def own_law(tmp_path: Path) -> Path:
 
 def user_study(own_law: Path, name: str, table: str = "errors.csv") -> EditStudy:
     loaded, laws = load_plants(None), laws_of([f"{own_law}:{name}"])
-    return EditStudy(loaded, tuple(laws), goal_of(loaded, laws, own_law.parent / table), 1)
+    return EditStudy(loaded, tuple(laws), edited_goal(loaded, laws, own_law.parent / table), 1)
 
 
 def test_a_users_own_law_is_edited_by_its_lines(own_law: Path) -> None:
@@ -288,7 +288,7 @@ def test_what_cannot_be_edited_is_refused(own_law: Path) -> None:
         _ = user_study(own_law, "branching", "branching.csv").variants
     loaded, laws = load_plants(None), laws_of([f"{own_law}:own"])
     with pytest.raises(UsageError, match="no published errors"):
-        goal_of(loaded, laws, None)
+        edited_goal(loaded, laws, None)
     (own_law.parent / "other.csv").write_text("run,joint,mae_deg\ncontroller_1,2,0.25\n")
     with pytest.raises(UsageError, match="no errors of the run own"):
-        goal_of(loaded, laws, own_law.parent / "other.csv")
+        edited_goal(loaded, laws, own_law.parent / "other.csv")

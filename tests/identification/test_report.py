@@ -40,20 +40,20 @@ def test_fitted_numbers_are_told_from_others_in_grey_print_too():
 
 def test_parameters_have_values_words_and_bounds():
     box = population_of(loaded())
-    units = np.full((3, len(box.names)), 0.5)
+    best = np.full(len(box.names), 0.5)
     place = {name: k for k, name in enumerate(box.names)}
-    units[0, place["winch_viscous"]], units[0, place["posture"]] = 0.995, 0.004
+    best[place["winch_viscous"]], best[place["posture"]] = 0.995, 0.004
     # At their ends, and off.
     off = {"pulley_loss": "pulley_loss_acts", "link_coulomb": "friction_sides", "clearance": "clearance_at"}
     for name, switch in (off | {"disturbance_torque": "disturbance"}).items():
-        units[0, place[name]], units[0, place[switch]] = 1.0, 0.0
-    rows = {row["name"]: row for row in parameter_rows(box, units)}
-    assert rows["winch_viscous"]["plants"][1] == pytest.approx(1.0, rel=0.02)  # middle of 0.2 to 5, log
+        best[place[name]], best[place[switch]] = 1.0, 0.0
+    rows = {row["name"]: row for row in parameter_rows(box, best)}
+    assert rows["winch_viscous"]["best"] == pytest.approx(0.2 * 25.0**0.995)
     at = {name: row["at_bound"] for name, row in rows.items() if row["at_bound"]}
     assert at == {"winch_viscous": "high", "posture": "low"}
     assert rows["motion"]["best"] in box.rows[place["motion"]].words
     held = box.freeing(np.zeros(len(box.names), dtype=bool))
-    assert not any(row["at_bound"] for row in parameter_rows(held, units))
+    assert not any(row["at_bound"] for row in parameter_rows(held, best))
 
 
 def test_order_and_shape_of_the_print():

@@ -12,14 +12,14 @@ import numpy as np
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.models.control import unloaded_run
 from tendonrepro.configuration.models.readings import PRINTED, Reading, parse_reading
-from tendonrepro.configuration.published import METRICS, published
+from tendonrepro.configuration.published import METRICS
 from tendonrepro.errors import UsageError
-from tendonrepro.experiments.user_law import UserLaw, refuse_memory, refused_on_lanes, with_user_laws
+from tendonrepro.experiments.user_law import UserLaw, with_user_laws
 from tendonrepro.identification.edits.rank import Outcomes
 from tendonrepro.identification.edits.recorded import EditedLaw
 from tendonrepro.identification.edits.report import APART, SCHEMA_VERSION, edits_result
 from tendonrepro.identification.edits.variants import Variants, controller_of, law_of, variants_of
-from tendonrepro.identification.goal import Goal, own_numbers, printed_numbers
+from tendonrepro.identification.goal import Goal, goal_of, with_input
 from tendonrepro.monte_carlo import evaluate
 from tendonrepro.monte_carlo.kept import study_on_plants
 from tendonrepro.monte_carlo.plan import PLANTS_AT_ONCE, Piece, cost_of, identity_of
@@ -82,13 +82,7 @@ class EditStudy:
         """
         first = self.loops(0, 1)[0]
         for law in self.laws:
-            stub = evaluate.stub_of(first[law.name, PRINTED])
-            try:
-                simulate_batch([stub])
-                law_of(stub)
-            except Exception as error:
-                raise refused_on_lanes(law.name, error) from error
-            refuse_memory(law, stub)
+            evaluate.refuse_on_lanes(law, first[law.name, PRINTED], law_of)
         edited = [law.name for law in self.laws] or self.goal.runs
         return variants_of({run: first[run, PRINTED] for run in edited})
 
@@ -178,37 +172,28 @@ def edits_study(
     if plants < 1:
         raise UsageError(f"must be at least 1, found {plants}", where="--plants")
     check_jobs(jobs)
-    task = EditStudy(loaded, tuple(laws), goal_of(loaded, laws, errors), plants)
+    task = EditStudy(loaded, tuple(laws), edited_goal(loaded, laws, errors), plants)
 
     def run(site: Site, _: Path) -> Result:
         records = task.run(site, jobs)
         outcomes = {reading.name: task.outcomes(records, k) for k, reading in enumerate(task.readings)}
         return edits_result(task.variants, outcomes, int(loaded.config.seed.si))
 
-    base = with_user_laws(loaded.base, laws)
-    drawn = replace(loaded, base=replace(base, inputs=(*base.inputs, *([errors] if errors else []))))
+    told = with_input(replace(loaded, base=with_user_laws(loaded.base, laws)), errors)
     experiments = plants * len(task.readings) * len(task.cells)
     cost = cost_of(experiments, len(MEASURED) * len(task.goal.joints))
-    study = study_on_plants("edits", drawn, task.identity, run, folder, cost=cost, stays=KEPT)
+    study = study_on_plants("edits", told, task.identity, run, folder, cost=cost, stays=KEPT)
     numbers = [task.goal.runs, task.goal.values.tolist(), task.goal.half.tolist()]
-    told = f"edits: {len(task.variants.edits)} edits on {plants} plants"
-    plan = {"schema_version": SCHEMA_VERSION, "experiment": "edits", "text": told}
+    text = f"edits: {len(task.variants.edits)} edits on {plants} plants"
+    plan = {"schema_version": SCHEMA_VERSION, "experiment": "edits", "text": text}
     return replace(study, decided_by={"plants": plants, "errors": numbers}, plan=plan)
 
 
-def goal_of(loaded: LoadedEnsemble, laws: Sequence[UserLaw], errors: Path | None) -> Goal:
-    """Errors to explain, of runs without payload: those of a user's table, or else of Table 2."""
-    if errors is None and (laws or loaded.around):
-        whose = "a law" if laws else "an arm"
-        message = f"there are no published errors of {whose} of your own"
-        raise UsageError(message, where="--errors", hint="name a table of errors that you measured")
-    names = [law.name for law in laws]
-    if errors is None:
-        goal = printed_numbers(published(), loaded.compare.joints)
-    else:
-        goal = own_numbers(errors, loaded, "whole", names)
-    for name in names:
-        if name not in goal.runs:
-            message = f"has no errors of the run {name}, which is edited"
-            raise UsageError(message, where=str(errors), hint=f"name it in the column run: {name}")
+def edited_goal(loaded: LoadedEnsemble, laws: Sequence[UserLaw], errors: Path | None) -> Goal:
+    """Errors to explain, of runs without payload; a UsageError where a law has none."""
+    goal = goal_of(loaded, errors, laws=[law.name for law in laws])
+    for law in laws:
+        if law.name not in goal.runs:
+            message = f"has no errors of the run {law.name}, which is edited"
+            raise UsageError(message, where=str(errors), hint=f"name it in the column run: {law.name}")
     return goal.of_runs([not unloaded_run(run) for run in goal.runs])
