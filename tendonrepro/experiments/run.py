@@ -244,7 +244,6 @@ def experiment_study(experiment: Prepared, folder: Folder) -> Study:
         loaded,
         lambda site: next(results_of([experiment], site.talk, site.start)),
         folder,
-        numbers=None,
         plan=plan,
         command=loaded.config.experiment,
     )

@@ -158,13 +158,11 @@ def difference_text(differences: Mapping[str, object]) -> str:
     """Words for a terminal."""
     if differences["same"]:
         return "The two results have the same command, configuration, versions, numbers and traces."
-    tables = [_kind_text(kind, rows) for kind, rows in differences.items() if isinstance(rows, list) and rows]
+    tables = [
+        Table(kind, f"{kind}: {len(rows)}, of which at most {_SHOWN} are shown", rows[:_SHOWN]).text()
+        for kind, rows in differences.items()
+        if isinstance(rows, list) and rows
+    ]
     if differences["tolerance"]:
         tables.append(f"Differences below a share of {differences['tolerance']:g} are left out.")
     return "\n\n".join(tables)
-
-
-def _kind_text(kind: str, rows: list[dict[str, object]]) -> str:
-    left = len(rows) - _SHOWN
-    table = Table(kind, f"{kind}: {len(rows)}", rows[:_SHOWN]).text()
-    return f"{table}\n({left} more, --json shows them all)" if left > 0 else table

@@ -74,7 +74,7 @@ def carry_out_together(
         )
         # Other processes draw meanwhile.
         for study, result, place in zip(studies, results, places, strict=True):
-            result.write(place, study.command if study.numbers == "" else study.numbers)
+            result.write(place, study.numbers or study.command)
             if study.keep and not study.stays:
                 shutil.rmtree(place.path / study.keep)
         for _ in drawn:

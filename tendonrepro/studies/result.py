@@ -194,13 +194,13 @@ class Result:
         traces = self.traces and replace(self.traces, manifest=manifest)
         return replace(self, command=command, manifest=manifest, traces=traces)
 
-    def write(self, place: NewResult, numbers: str | None) -> None:
-        """Write all but the figures: numbers as ``<numbers>.json``, if that is named."""
-        if numbers is not None:
-            place.write(f"{numbers}.json", to_json(dict(self.data)))
+    def write(self, place: NewResult, numbers: str) -> None:
+        """Write all but the figures: traces, or the numbers as ``<numbers>.json``."""
         for file, text in self.files.items():
             place.write(file, text)
-        if self.traces is not None:
+        if self.traces is None:
+            place.write(f"{numbers}.json", to_json(dict(self.data)))
+        else:
             from tendonrepro.results.traces import TRACES, write_traces
 
             write_traces(place.path / TRACES, self.traces)

@@ -51,8 +51,8 @@ class Study:
         Whether finished parts are part of the result, too.
     place : Path, optional
         Results folder, where none is named; else the command's own below reports.
-    numbers : str, optional
-        Stem of the file of numbers; else the command's name. None: traces hold them.
+    numbers : str
+        Stem of the file of numbers; else the command's name.
     plan : mapping
         What ``--json`` of a dry run says beside, or instead of, what it says of every study.
     cost : mapping
@@ -77,7 +77,7 @@ class Study:
     stored: bool = False
     shown: bool = False
     place: Path | None = None
-    numbers: str | None = ""
+    numbers: str = ""
     plan: Mapping[str, object] = field(default_factory=dict)
     cost: Mapping[str, float] = field(default_factory=dict)
     command: str = ""

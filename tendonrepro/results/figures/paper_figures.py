@@ -82,7 +82,7 @@ def draw_pull(file: TraceFile, traces: list[Trace]) -> Sheet:
     """Figure 6: the arm before and after motor 1 alone has turned, and the angles on the way."""
     (trace,) = traces
     labels = [[(f"{name}s", f"{name} angle (deg)")] for name in _ANGLES.values()]
-    turned = _degrees(trace, "q_motor_encoder", 1)
+    turned = _shown(trace, "q_motor_encoder", 1)
     last = int(np.nanargmax(np.abs(turned - turned[0])))
     titles = ["Start", f"Motor 1 turned {turned[last] - turned[0]:.0f}°"]
     sheet = Sheet(PAGE_MM, 78.0, labels, beside=titles)
@@ -133,7 +133,7 @@ def draw_motor_angles(_file: TraceFile, traces: list[Trace]) -> Sheet:
 def _draw_angles(sheet: Sheet, letter: str, trace: Trace, variable: str, called: str) -> None:
     """Draw the angles of all motors or joints, in the legend as they are `called`."""
     for joint in trace.joint:
-        values, name = _degrees(trace, variable, joint), f"{_ANGLES[variable]} {joint}"
+        values, name = _shown(trace, variable, joint), f"{_ANGLES[variable]} {joint}"
         sheet.curve(letter, name, trace.time, values, stroke_of(joint), label=f"{called} {joint}")
 
 
@@ -142,7 +142,7 @@ def draw_joint(file: TraceFile, traces: list[Trace], *, joint: int) -> Sheet:
     (trace,) = traces
     labels = [[(f"Joint {joint}", "Joint angle (deg)")], [("Calculated − encoder", "Difference (deg)")]]
     sheet = Sheet(COLUMN_MM, 92.0, labels)
-    calculated, encoder = (_degrees(trace, name, joint) for name in ("q_calculated", "q_encoder"))
+    calculated, encoder = (_shown(trace, name, joint) for name in ("q_calculated", "q_encoder"))
     _leave_room(sheet.axes["a"], trace, joint)
     sheet.curve("a", "Encoder", trace.time, encoder, REFERENCE, label=f"Encoder ({file.source})")
     label = r"Calculated, $S\,q_\mathrm{motor}$"
@@ -169,7 +169,7 @@ def _step_of(angle: Array) -> float:
 def _slope(file: TraceFile, trace: Trace) -> str:
     """Slope of joint 2 over joint 1, beside the coupling's."""
     S = file.plant.matrix("S", (1, 2))
-    first, second = (_degrees(trace, "q_encoder", joint) for joint in (1, 2))
+    first, second = (_shown(trace, "q_encoder", joint) for joint in (1, 2))
     first, second = first - first[0], second - second[0]
     if not first.any():
         return ""
@@ -177,8 +177,10 @@ def _slope(file: TraceFile, trace: Trace) -> str:
     return f"$\\Delta q_2/\\Delta q_1$ = {slope:.4f}\n$S_{{21}}/S_{{11}}$ = {coupling:.4f}"
 
 
-def _degrees(trace: Trace, name: str, joint: int) -> Array:
-    return np.rad2deg(trace[name][:, trace.joint.index(joint)])
+def _shown(trace: Trace, variable: str, joint: int) -> Array:
+    """A variable of a joint, (T,), angles in degrees."""
+    values = trace[variable][:, trace.joint.index(joint)]
+    return np.rad2deg(values) if VARIABLES[variable][0] == "rad" else values
 
 
 def draw_motors(file: TraceFile, traces: list[Trace]) -> Sheet:
@@ -310,8 +312,7 @@ class DrawnRun:
 
     def values(self, variable: str, joint: int) -> Array:
         """Shape (T,), angles in degrees."""
-        values = self.trace[variable][:, self.trace.joint.index(joint)]
-        return np.rad2deg(values) if VARIABLES[variable][0] == "rad" else values
+        return _shown(self.trace, variable, joint)
 
 
 def controller_runs(traces: list[Trace]) -> list[DrawnRun]:
@@ -388,7 +389,7 @@ def _is_fuzzy(run: DrawnRun, joint: int) -> bool:
 def _leave_room(axes: Axes, trace: Trace, joint: int) -> None:
     """Let equal desired motions have equal axes, whatever the runs do."""
     if "q_d" in trace:
-        motion = _degrees(trace, "q_d", joint)
+        motion = _shown(trace, "q_d", joint)
         low, high = float(np.nanmin(motion)), float(np.nanmax(motion))
         room = _ROOM * (high - low)
         axes.update_datalim([(trace.time[0], low - room), (trace.time[0], high + room)])

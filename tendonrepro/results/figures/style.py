@@ -196,12 +196,8 @@ def save_drawing(drawn: Drawing, folder: Path, formats: Sequence[str] = DRAWN) -
 
     A TendonreproError tells where a file cannot be written.
     """
-    title, caption = title_of(drawn.stem), " ".join(about(drawn))
-    metadata: dict[str, dict[str, str | None]] = {
-        "pdf": {"Title": title, "Subject": caption, "CreationDate": None},
-        "svg": {"Title": title, "Description": caption, "Date": None},
-        "png": {"Title": title, "Description": caption},
-    }
+    # Neither a date nor a version, so that the same gives the same bytes.
+    metadata: dict[str, dict[str, None]] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}
     paths = [folder / f"{drawn.stem}.{suffix}" for suffix in formats]
     with journal_style():
         if drawn.origin and not drawn.figure.get_supxlabel():
@@ -212,10 +208,10 @@ def save_drawing(drawn: Drawing, folder: Path, formats: Sequence[str] = DRAWN) -
             image = BytesIO()
             # The usual level, 6, takes twice the time for a tenth of the size.
             options: Look = {"pil_kwargs": {"compress_level": 3}} if suffix == "png" else {}
-            drawn.figure.savefig(image, format=suffix, metadata=metadata[suffix], **options)
+            drawn.figure.savefig(image, format=suffix, metadata=metadata.get(suffix), **options)
             write_atomically(path, image.getvalue())
-    told = folder / f"{drawn.stem}.txt"
-    write_atomically(told, "\n\n".join(about(drawn)) + "\n")
+    told, origin = folder / f"{drawn.stem}.txt", f"{drawn.origin}; " if drawn.origin else ""
+    write_atomically(told, f"{drawn.caption}\n\n{origin}drawn by tendonrepro {__version__}.\n")
     return [*paths, told]
 
 
@@ -223,9 +219,3 @@ def save_drawn(asked: tuple[Callable[[], Drawing], Path, Sequence[str]]) -> list
     """Draw a figure and write it into a folder, in formats, as one piece of work."""
     draw, folder, formats = asked
     return save_drawing(draw(), folder, formats)
-
-
-def about(drawn: Drawing) -> list[str]:
-    """Paragraphs of the text beside a figure: the caption, and what made the figure."""
-    origin = f"{drawn.origin}; " if drawn.origin else ""
-    return [drawn.caption, f"{origin}drawn by tendonrepro {__version__}."]
