@@ -44,12 +44,11 @@ def judge_all(
     only: Sequence[str] = (),
     *,
     measured: TraceFile | None = None,
-    decided_by: bool = False,
     progress: Callable[[int], None] = lambda _: None,
 ) -> list[Verdict]:
     """Judge every printed result and claim, or `only` some, by an ensemble and a measurement.
 
-    `decided_by` ranks the unknowns that decide, a second each. `progress` gets 1 after each reading.
+    `progress` gets 1 after each reading.
 
     Raises
     ------
@@ -67,8 +66,6 @@ def judge_all(
         kind = paper.judgements[name].kind
         rulings = over_the_box.get(name) or _without_ensemble(data, paper, name)
         beside: Evidence = {}
-        if decided_by and data and kind == "ensemble":
-            beside["decided_by"] = sensitivity.deciding(data, paper, name)
         if name in on_bench and kind == "measured":
             rulings = {PRINTED: on_bench[name]}
         elif name in on_bench:
@@ -198,30 +195,35 @@ def claims_study(
     before = _baseline(baseline) if baseline else None
 
     def run(site: Site) -> Result:
-        from tendonrepro.verdicts.figures import draw_influences
-
         data = _ensemble(above / ENSEMBLE, site.talk)
         file = _measured(measured, site.talk)
         verdicts, origin = _judged(data, file, ids, above / ENSEMBLE, site.talk)
-        told = Result(ledger.as_data(verdicts, origin), list(map(report.details_text, verdicts)))
-        against = any(verdict.verdict in rules.FAILURES for verdict in verdicts)
-        if before is not None:
-            changes = ledger.changed(before, verdicts)
-            against = bool(changes)
-            told = replace(told, beside={"changed": changes})
-        told = replace(told, fails_check=check and against)
+        changes = ledger.changed(before or {}, verdicts)
+        failing = [verdict.id for verdict in verdicts if verdict.verdict in rules.FAILURES]
+        told = Result(
+            ledger.as_data(verdicts, origin),
+            list(map(report.details_text, verdicts)),
+            beside={} if before is None else {"changed": changes},
+            fails_check=check and bool(failing if before is None else changes),
+        )
         if ids:
             return told
         since = [] if before is None else [report.changes_text(changes, before, verdicts)]
-        influences = sensitivity.rankings(data) if data else {}
-        return replace(
+        told = replace(
             told,
             parts=[report.table_text(verdicts, every=every), *since, report.claims_table(verdicts)],
-            manifest={"ensemble": [data.identity, data.planned] if data else None},
-            files={"decides.json": to_json(influences)} if data else {},
-            drawings={"decides": partial(draw_influences, influences, len(data))}
-            if influences and data
-            else {},
+            manifest={"ensemble": None},
+        )
+        if data is None:
+            return told
+        from tendonrepro.verdicts.figures import draw_influences
+
+        influences = sensitivity.rankings(data)
+        return replace(
+            told,
+            manifest={"ensemble": [data.identity, data.planned]},
+            files={"decides.json": to_json(influences)},
+            drawings={"decides": partial(draw_influences, influences, len(data))} if influences else {},
         )
 
     # Whatever lies under the results, the ledger is the same command's.
@@ -233,7 +235,7 @@ def _judged(
 ) -> tuple[list[Verdict], Json]:
     """Judge by the ensemble of a folder, else by the shipped one; and tell which of them judged."""
     with talk.bar("judging", 0 if data is None else len(data.readings)) as progress:
-        verdicts = judge_all(data, only=ids, measured=measured, decided_by=bool(ids), progress=progress)
+        verdicts = judge_all(data, only=ids, measured=measured, progress=progress)
     if data is None:
         shipped = ledger.shipped_ledger()
         return ledger.with_shipped(verdicts, shipped), shipped.ensemble

@@ -18,13 +18,12 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import FIRST, RUNS, SECOND
 from tendonrepro.configuration.models.readings import PRINTED, UNDER_READINGS
-from tendonrepro.configuration.published import METRICS, Published, published
+from tendonrepro.configuration.published import METRICS, published
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import Json
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS
-from tendonrepro.verdicts.from_ensemble import numbers_of
-from tendonrepro.verdicts.from_print import NUMBERS, ErrorOf
+from tendonrepro.verdicts.from_print import ErrorOf
 from tendonrepro.verdicts.rules import Mask
 from tendonrepro.verdicts.statements import Plants, claim_on, together
 
@@ -123,7 +122,7 @@ def ranked(
 def rankings(data: EnsembleData) -> dict[str, Influences]:
     """Rank what decides some claims, the ratio of Controllers 1 and 2, and printed errors."""
     plants = Plants(data, PRINTED)
-    rankings_of = {claim: deciding(data, published(), claim) for claim in DECIDED}
+    rankings_of = {claim: _deciding(plants, data, claim) for claim in DECIDED}
     with np.errstate(divide="ignore", invalid="ignore"):
         logs = {key: np.log(plants[key]) for key in product(RUNS, METRICS)}
         mae = logs[FIRST, "mae"]
@@ -137,26 +136,15 @@ def rankings(data: EnsembleData) -> dict[str, Influences]:
     return {name: ranking for name, ranking in rankings_of.items() if ranking is not None}
 
 
-def deciding(data: EnsembleData, paper: Published, identifier: str) -> Influences | None:
-    """Rank what decides a verdict; None where nothing does."""
+def _deciding(plants: Plants, data: EnsembleData, identifier: str) -> Influences | None:
+    """Rank what decides a claim, by the measure that holds most often; None where nothing does."""
     try:
-        values, judged = _outcome(Plants(data, PRINTED), paper, identifier)
+        claim = claim_on(plants, published(), published().judgements[identifier].rule)
     except DataMissingError:
         return None
-    return _ranked(data, judged, values)
-
-
-def _outcome(plants: Plants, paper: Published, identifier: str) -> tuple[Array, Mask]:
-    """1 or 0 of a claim, a number or its logarithm if all are positive; and the plants judged; (N,) each."""
-    rule = paper.judgements[identifier].rule
-    if rule in NUMBERS:
-        values, judged = numbers_of(plants, paper, identifier)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.log(values) if (values[judged] > 0.0).all() else values, judged
-    claim = claim_on(plants, paper, rule)
     ways = map(together, claim.measures.values())
     most = max(ways, key=lambda holds: np.count_nonzero(holds[claim.judged]))
-    return most.astype(np.float64), claim.judged
+    return _ranked(data, claim.judged, most.astype(np.float64))
 
 
 def _ranked(data: EnsembleData, kept: Mask, values: Array) -> Influences | None:

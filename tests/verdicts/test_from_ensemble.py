@@ -186,22 +186,6 @@ class TestEveryClaimCanFail:
 
 
 class TestWhatIsCounted:
-    def test_shares_are_those_of_plain_numpy(self, paper):
-        data = MadeEnsemble()
-        rng = np.random.default_rng(7)
-        for run in RUNS:
-            data.codes[run, PRINTED] = rng.choice(4, size=400, p=[0.7, 0.1, 0.15, 0.05]).astype(np.int8)
-            for name in ("mae", "rmse"):
-                data.values[run, PRINTED, name] = rng.random((400, 2))
-        codes = np.stack([data.codes[run, PRINTED] for run in CONTROLLERS])
-        sizes = np.array(
-            [[data.values[run, PRINTED, name] for name in ("mae", "rmse")] for run in CONTROLLERS]
-        ).swapaxes(1, 2)
-        evidence, kept = verdict_on(data, paper, "C2").evidence, (codes == 0).all(axis=0)
-        held = (sizes[:-1] < sizes[1:]).all(axis=(0, 2, 3))
-        assert (evidence["share"], evidence["plants"]) == (held[kept].mean(), kept.sum())
-        assert evidence["share_judged"] == kept.mean()
-
     def test_ranges_are_those_of_plain_numpy(self, data, paper):
         data.codes["controller_3", PRINTED][:100] = 2
         data.codes["controller_1_payload", PRINTED][100:150] = 1

@@ -10,7 +10,6 @@ from support.oracles import TABLE_1, coupling_by_columns
 from tendonrepro.configuration.published import PrintedNumber, exact, published, quotient, rounding, table_1
 from tendonrepro.verdicts import from_print
 from tendonrepro.verdicts.from_print import cut
-from tendonrepro.verdicts.rules import meets
 
 
 def printed(digits):
@@ -22,12 +21,6 @@ class TestIntervals:
     def test_rounding_keeps_trailing_zeros(self):
         assert rounding(printed("0.240")) == (Fraction("0.2395"), Fraction("0.2405"))
         assert exact(printed("0.1")) == Fraction(1, 10)
-
-    def test_touching_intervals_meet(self):
-        one, two, three = Fraction(1), Fraction(2), Fraction(3)
-        assert meets((one, two), (two, three))
-        assert meets((two, three), (one, two))
-        assert not meets((one, two - Fraction(1, 10**9)), (two, three))
 
     @given(*[st.integers(1, 10**6)] * 4)
     def test_every_quotient_of_two_numbers_lies_in_the_interval(self, a, b, c, d):

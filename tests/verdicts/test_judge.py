@@ -95,14 +95,3 @@ class TestLedger:
         assert changed(baseline, now) == {"K1": ("exact", None), "E1": ("contradicted", "compatible")}
         # What a baseline does not hold has not changed.
         assert changed({"E1": "contradicted"}, now) == {"E1": ("contradicted", "compatible")}
-
-
-def test_which_unknown_decides(data, paper):
-    half = data.draws[:, 0] > 0.5
-    for name in ESTIMATES:
-        data.values["controller_1", PRINTED, name][half] *= 2.0
-    (found,) = judge_all(data, paper, ["E1"], decided_by=True)
-    assert found.verdict == "depends_on_plant"
-    first, second = found.evidence["decided_by"]["rows"]
-    assert (first["name"], second["name"]) == ("size", "nothing")
-    assert first["index"] > found.evidence["decided_by"]["noise_floor"] > second["index"]

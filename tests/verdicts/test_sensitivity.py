@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from SALib.analyze import rbd_fast
-from support.made_claims import NAMES, MadeEnsemble, ranking_of
+from support.made_claims import ESTIMATES, NAMES, MadeEnsemble, ranking_of
 
 from tendonrepro.configuration.models.readings import PRINTED, UNDER_READINGS
 from tendonrepro.results.summary import CONTROLLERS
@@ -112,3 +112,13 @@ def test_what_is_ranked_are_ratio_numbers_and_joint_3_over_joint_2(monkeypatch):
         np.log(error[CONTROLLERS[0]][:, 1] / error[CONTROLLERS[0]][:, 0])
     )
     assert sum(name.startswith("table") for name in found) == 16
+
+
+def test_which_unknown_decides_a_claim(data):
+    half = data.draws[:, 0] > 0.5
+    for name in ESTIMATES:
+        data.values["controller_1", PRINTED, name][half] *= 2.0
+    found = sensitivity.rankings(data)["E1"]
+    first, second = found["rows"]
+    assert (first["name"], second["name"]) == ("size", "nothing")
+    assert first["index"] > found["noise_floor"] > second["index"]
