@@ -36,24 +36,6 @@ def processors(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) 
     done.set()
 
 
-def test_no_room_for_the_locks_of_workers_is_no_fault_of_a_folder(monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(*_: object, **__: object) -> None:
-        raise OSError(30, "Read-only file system")
-
-    monkeypatch.setattr("loky.ProcessPoolExecutor", full)
-    with pytest.raises(TendonreproError, match="Read-only"):
-        list(as_ready(abs, [1, 2], 2))
-
-
-@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="no affinity there")
-def test_jobs_respect_affinity() -> None:
-    only = f"{{{min(os.sched_getaffinity(0))}}}"
-    ask = "from tendonrepro.parallel import processors; print(processors())"
-    script = f"import os; os.sched_setaffinity(0, {only}); {ask}"
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert done.stdout == "1\n"
-
-
 def work(offset: int, item: int) -> tuple[int, int]:
     return item + offset, os.getpid()
 

@@ -9,8 +9,6 @@ import pytest
 from support.command import answer, with_out
 from support.synthetic import FEW, make_compare_file
 
-import tendonrepro as tr
-from tendonrepro.errors import UsageError
 from tendonrepro.files import shipped
 from tendonrepro.results.traces import write_traces
 
@@ -98,7 +96,6 @@ def test_a_file_that_is_there_is_refused(place: Path, name: str, below: str) -> 
     ("words", "lost"),
     [
         ("data ingest data.csv --out data.csv", "data.csv"),
-        ("data ingest data.csv --mapping my.yaml --out my.yaml", "my.yaml"),
         ("data inspect data.csv --suggest --mapping data.csv", "data.csv"),
         ("result export runs.csv --format csv", "runs.csv"),
         ("statics --config decouple.yaml --out decouple.yaml", "decouple.yaml"),
@@ -110,19 +107,3 @@ def test_what_is_read_is_not_overwritten(place: Path, words: str, lost: str) -> 
     before = contents(place)
     assert answer(*words.split(), "--force", cwd=place, code=2)["error"]["where"] == lost
     assert contents(place) == before
-
-
-def test_a_result_in_python_is_not_saved_over_a_file(place: Path) -> None:
-    before = contents(place)
-    with pytest.raises(UsageError, match="thesis"):
-        tr.statics().save(place / "thesis.docx", force=True)
-    assert contents(place) == before
-
-
-def test_there_are_commands_of_both_kinds() -> None:
-    assert COMMANDS.keys() >= FILES.keys() | ARGUMENTS.keys() | {
-        "decouple",
-        "reproduce",
-        "data fetch",
-        "statics",
-    }

@@ -47,12 +47,10 @@ def test_the_first_screen_has_seventeen_commands_at_most_and_all_can_be_called()
 
 @pytest.mark.parametrize("name", FORMER)
 def test_a_former_command_names_the_new_one(tmp_path: Path, name: str) -> None:
-    for words in ([], ["--help"], ["14", "--out", "x"]):
-        told = answer(name, *words, cwd=tmp_path, code=2)["error"]
-        assert f"tendonrepro {FORMER[name]}" in told["hint"]
+    told = answer(name, "14", "--out", "x", cwd=tmp_path, code=2)["error"]
+    assert f"tendonrepro {FORMER[name]}" in told["hint"]
     done = run(*FORMER[name].split(), *([] if name == "doctor" else ["--help"]), cwd=tmp_path)
     assert done.returncode == 0
-    assert not [*tmp_path.iterdir()]
 
 
 @pytest.mark.parametrize("name", COMMANDS)

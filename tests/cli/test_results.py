@@ -11,7 +11,6 @@ import pytest
 from support.command import SMALL, answer, run, with_out
 
 import tendonrepro as tr
-from tendonrepro.errors import DataMissingError
 from tendonrepro.results.store import MANIFEST
 from tendonrepro.results.traces import read_traces, write_traces
 
@@ -102,16 +101,6 @@ def test_a_report_names_what_it_shows_and_what_it_leaves_out(place: Path) -> Non
     assert all(name in text and name in page for name in folders)
 
 
-@pytest.mark.slow
-def test_a_report_of_one_result_lies_beside_it_and_not_in_it(place: Path) -> None:
-    results_of("statics", place)
-    told = answer("report", "statics", cwd=place)
-    assert Path(told["path"]) == Path("statics.html")
-    told = answer("report", ".", cwd=place / "statics")
-    assert Path(told["path"]) == (place / "statics.html").resolve()
-    answer("statics", "--out", "statics", cwd=place)
-
-
 def test_other_numbers_of_the_same_command_differ_by_key(place: Path) -> None:
     (statics,) = results_of("statics", place)
     answer("statics", "--set", "manipulator.tensioner.force=30", "--out", "tense", cwd=place)
@@ -124,10 +113,3 @@ def test_other_numbers_of_the_same_command_differ_by_key(place: Path) -> None:
     assert found["numbers"]
     assert not found["command"]
     assert answer("result", "diff", "statics", "compare", cwd=place, code=1)["command"]
-
-
-def test_a_folder_without_a_result_names_those_in_it(place: Path, tmp_path: Path) -> None:
-    with pytest.raises(DataMissingError, match="compare"):
-        tr.open(place)
-    with pytest.raises(DataMissingError, match=MANIFEST):
-        tr.diff(tmp_path, tmp_path)

@@ -49,15 +49,6 @@ def test_mistakes_with_claims(tmp_path: Path, words: list[str], code: int) -> No
     assert "Traceback" not in done.stderr
 
 
-def test_configuration_commands_know_the_ensemble(tmp_path: Path) -> None:
-    checked = answer("config", "check", "ensemble", cwd=tmp_path)
-    assert checked["kind"] == "ensemble"
-    assert answer("config", "show", "ensemble", "--set", "seed=5", cwd=tmp_path)["seed"]["value"] == 5
-    run("config", "init", "ensemble", "--out", "mine", cwd=tmp_path)
-    copied = answer("config", "check", "mine/ensemble.yaml", cwd=tmp_path)
-    assert copied["config_sha256"] == checked["config_sha256"]
-
-
 def test_what_is_unusual_is_told_once_with_its_line(tmp_path: Path) -> None:
     run("config", "init", "--joints", "2", "--out", "mine", cwd=tmp_path)
     arm = tmp_path / "mine" / "my_arm.yaml"
