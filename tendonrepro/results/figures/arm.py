@@ -77,12 +77,13 @@ def animate(
         If the traces cannot be read or do not say where the tendons go.
     """
     file = read_traces(source)
-    scene = scene_of(file, run)
-    name, places = scene.trace.name, _places(scene.trace.time, speed)
+    name = run or next(iter(file.runs))
     target = out or (source if source.is_dir() else source.parent) / f"{name}.gif"
     if target.suffix != ".gif":
         raise UsageError(f"a film ends in .gif, found {target.name!r}", where="--out")
     refuse_existing(target, force=force, inputs=[source])
+    scene = scene_of(file, run)
+    places = _places(scene.trace.time, speed)
     film = []
     with journal_style(), talk.bar(f"{name}: pictures", len(places)) as advance:
         figure, show = draw_scene(scene, origin_of(file))
