@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import importlib
 import itertools
-import json
 import re
 import shlex
 from pathlib import Path
@@ -34,7 +33,6 @@ from tendonrepro.configuration.models.control import Readings
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import all_loops, build_loops
 from tendonrepro.experiments.user_law import laws_of
-from tendonrepro.physics.arm import gravity_torque
 from tendonrepro.physics.linear_loop import decay_rate
 from tendonrepro.physics.metrics import mae
 from tendonrepro.results.traces import read_traces
@@ -335,29 +333,16 @@ def test_law_in_a_file(results: Path) -> None:
     assert (results / "tables" / "table2.csv").read_text(encoding="utf-8").count("\nsteep,") == 2
 
 
-def run_of(law: str, line: str, folder: Path, *settings: str) -> tuple[Any, Any]:
-    """Loop and run of a law of the page."""
-    path = folder / "law.py"
-    path.write_text(example("python.md", line), encoding="utf-8")
-    loaded = load_config(None, "compare", overrides=[*SHORT, *settings], controllers=[3])
-    loop = all_loops(loaded, laws_of([f"{path}:{law}"]))[law]
-    run = simulate(loop)
-    assert run["time"].size == loop.reference.time.size
-    return loop, run
-
-
 def test_law_with_memory_of_its_own(tmp_path: Path) -> None:
     """s holds the integral: without it the surface is Controller 3's, of the recorded error."""
-    loop, run = run_of("integral", "class Integral", tmp_path)
+    path = tmp_path / "law.py"
+    path.write_text(example("python.md", "class Integral"), encoding="utf-8")
+    loaded = load_config(None, "compare", overrides=SHORT, controllers=[3])
+    loop = all_loops(loaded, laws_of([f"{path}:integral"]))["integral"]
+    run = simulate(loop)
     e, L = run["e"], loop.L
     de = run["dq_d"] - np.diff(run["q_encoder"], axis=0, prepend=0.0) / L
     np.testing.assert_allclose(run["s"], de + 2.0 * e + 2.0 * L * np.cumsum(e, axis=0), atol=1e-9)
-
-
-def test_law_that_knows_the_plant(tmp_path: Path) -> None:
-    loop, run = run_of("pd", "class Pd", tmp_path, "manipulator.links.mass=[0.5, 0.3, 0.1]")
-    weight = gravity_torque(run["q_encoder"][0], loop.plant.arm)
-    np.testing.assert_allclose(run["tau_cmd"][0], weight)
 
 
 def test_law_with_two_gains_is_plain_time_delay_control_beside_any_run(tmp_path: Path) -> None:
@@ -385,25 +370,6 @@ def test_ways_to_open_traces(
     assert words in capsys.readouterr().out
     if "tree" in scope:
         scope["tree"].close()
-
-
-def test_groups_and_attributes_of_the_page(results: Path) -> None:
-    import h5py
-
-    text, matrices = page("results.md"), ("I", "D_m", "K_s", "D_s", "S", "S_inv")
-    arrays = {*matrices, "length", "mass", "com", "inertia", "gravity", "posture"}
-    words = {"angle_convention", "friction_law", "equations", "moving_joints", "held_joints"}
-    with h5py.File(results / "traces.h5") as file:
-        own = {name for name in file["controller_1"].attrs if not name.startswith(("gain_", "reading_"))}
-        assert arrays <= file["plant"].keys()
-        assert words <= file["plant"].attrs.keys()
-        assert {name for name in arrays | words | own | set(file.attrs) if f"`{name}`" not in text} == set()
-
-
-def test_manifest_keys_of_the_page(results: Path) -> None:
-    manifest = json.loads((results / "manifest.json").read_text(encoding="utf-8"))
-    text = section(page("results.md"), "## Manifest")
-    assert {key for key in manifest if f"`{key}`" not in text} == set()
 
 
 def test_the_film_is_of_the_shipped_configuration() -> None:
