@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Annotated, TypeAlias
 
-from tendonrepro.errors import UsageError
 from tendonrepro.files import Json
 from tendonrepro.studies.command import DATA, Example, command
 from tendonrepro.studies.parameters import ARGUMENT, MEASURED_FILE, TALK, Overwrite, Telling, Word
@@ -76,7 +75,6 @@ def inspect(
     """
     from tendonrepro.dataset.ingestion import inspect_text, run_inspect
 
-    _refuse_none(paths)
     written = Path(mapping or MAPPING) if suggest or mapping is not None else None
     contents = run_inspect([*map(Path, paths)], written, force=force)
     return Answer(contents, inspect_text(contents), contents)
@@ -110,14 +108,8 @@ def ingest(
     """
     from tendonrepro.dataset.ingestion import ingest_text, run_ingest
 
-    _refuse_none(paths)
     files = [*map(Path, paths)]
     runs = run_ingest(
         files, Path(mapping), Path(out), force=force, dry_run=dry_run, talk=talk, confirm=confirm
     )
     return Answer(runs, ingest_text(runs), runs)
-
-
-def _refuse_none(paths: tuple[Path | str, ...]) -> None:
-    if not paths:
-        raise UsageError("names nothing to read", where="PATHS", hint="name files, folders or archives")

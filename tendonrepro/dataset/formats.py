@@ -31,7 +31,7 @@ MOST_NAMED = 12
 
 _MOST_HEAD = 2000
 """Rows above the numbers that are looked through."""
-_BEGIN, _END = "LabVIEW Measurement", "***End_of_Header***"
+_END = "***End_of_Header***"
 _HEADERS = 2
 """Headers of a file: its own, and that of the one segment."""
 
@@ -72,12 +72,6 @@ def _written(cell: Any) -> str:
     if hasattr(cell, "total_seconds") or hasattr(cell, "isoformat"):
         return "0"
     return str(cell).strip()
-
-
-def is_labview(path: Path) -> bool:
-    """Whether a file is a LabVIEW measurement written as text."""
-    with path.open("rb") as stream:
-        return stream.read(len(_BEGIN)) == _BEGIN.encode()
 
 
 def read_lvm(path: Path) -> Tables:

@@ -15,21 +15,16 @@ from tendonrepro import __version__
 from tendonrepro.configuration.published import COMPARED, coupling_of, published, table_1
 from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.console import Talk, count_of
+from tendonrepro.dataset import motion, windows
 from tendonrepro.dataset.mapping import confirmed, parse_mapping
-from tendonrepro.dataset.motion import beginning, joints_with_motion, starts_of
 from tendonrepro.dataset.read import read_files
 from tendonrepro.dataset.runs import runs_of
 from tendonrepro.dataset.suggestion import guess_mapping
 from tendonrepro.dataset.tables import Columns
-from tendonrepro.dataset.windows import Timing, spans
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import Json, refuse_existing, write_atomically
-from tendonrepro.results import records
-from tendonrepro.results.paper import with_what_they_are
-from tendonrepro.results.store import environment
-from tendonrepro.results.summary import sizes_deg
+from tendonrepro.results import paper, records, store, summary, traces
 from tendonrepro.results.tables import Table
-from tendonrepro.results.traces import write_traces
 
 _PRINTED = "printed: Table 1, signs of section 3.3"
 
@@ -137,7 +132,7 @@ def run_ingest(
         "tendonrepro_version": __version__,
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "mapping": {"origin": str(mapping), "sha256": digest},
-        "environment": environment(),
+        "environment": store.environment(),
         **made,
     }
     file = records.TraceFile(
@@ -150,9 +145,9 @@ def run_ingest(
         config_sha256=digest,
         manifest=manifest,
     )
-    file = with_what_they_are(file)
+    file = paper.with_what_they_are(file)
     if not dry_run:
-        write_traces(out, file)
+        traces.write_traces(out, file)
         if confirm:
             write_atomically(mapping, text)
     starts = _starts(file)
@@ -176,10 +171,10 @@ def _plant_record(runs: Mapping[str, records.Trace]) -> records.PlantRecord:
 
 def _starts(file: records.TraceFile) -> dict[str, float]:
     """When the motion of each run of the comparison begins, s, as `validate` finds it; else nothing."""
-    others = [joints_with_motion(trace) for trace in file.part("compare").runs.values()]
+    others = [motion.joints_with_motion(trace) for trace in file.part("compare").runs.values()]
     for joints in filter(None, (COMPARED, max(others, key=len, default=()))):
         with suppress(DataMissingError):
-            return starts_of(file, beginning(file, joints))
+            return motion.starts_of(file, motion.beginning(file, joints))
     return {}
 
 
@@ -200,9 +195,15 @@ def _described(trace: records.Trace, start: float | None) -> dict[str, object]:
         "variables": list(trace.variables),
     }
     if "e" in trace:
-        moving = slice(0, None) if start is None else spans(trace.time, Timing(start, 0.0))["whole"]
+        moving = (
+            slice(0, None)
+            if start is None
+            else windows.spans(trace.time, windows.Timing(start, 0.0))["whole"]
+        )
         described["errors_from_s"] = float(trace.time[moving][0])
-        described |= {f"{key}_deg": value.tolist() for key, value in sizes_deg(trace["e"][moving]).items()}
+        described |= {
+            f"{key}_deg": value.tolist() for key, value in summary.sizes_deg(trace["e"][moving]).items()
+        }
     return described
 
 

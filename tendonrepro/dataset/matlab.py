@@ -16,7 +16,7 @@ import scipy.io
 from numpy.typing import NDArray
 
 from tendonrepro.dataset.formats import Nested, Series, tables_of
-from tendonrepro.dataset.tables import Column, Columns, Tables, Unreadable
+from tendonrepro.dataset.tables import Column, Columns, Tables, Unreadable, free_name
 from tendonrepro.dataset.words import FACTORS, plain_unit
 
 with warnings.catch_warnings():
@@ -219,17 +219,8 @@ def _dataset(members: Nested) -> Nested | Series | None:
     named: Nested = {}
     for number, item in elements.items() if all(map(str.isdigit, elements)) else [("1", elements)]:
         for label, signal in _signals(item):
-            named[_free(named, label or f"signal {number}")] = signal
+            named[free_name(named, label or f"signal {number}")] = signal
     return named
-
-
-def _free(named: Nested, name: str) -> str:
-    """The name, numbered where another has it."""
-    number, free = 1, name
-    while free in named:
-        number += 1
-        free = f"{name} #{number}"
-    return free
 
 
 def _signals(item: object, label: str = "") -> Iterator[tuple[str, object]]:
@@ -260,9 +251,9 @@ def _scope(time: Column, signals: Nested) -> Nested:
             said = _UNIT_AT_END.match(name)
             head, unit = (said[1], f" {said[2]}") if said else (name, "")
             for part, column in zip(parts, values.T, strict=True):
-                columns[_free(columns, f"{head} {part}{unit}")] = column
+                columns[free_name(columns, f"{head} {part}{unit}")] = column
         else:
-            columns[_free(columns, name)] = values
+            columns[free_name(columns, name)] = values
     return columns
 
 
@@ -278,7 +269,7 @@ def _capture(X: Nested, Y: Nested) -> Nested:
         name = text(signal.get("Name")).replace('"', "").rpartition("/")[2] or f"signal {number}"
         is_on_time = len(values) == len(time)
         series = Series(time, values, name, text(signal.get("Unit"))) if is_on_time else values
-        named[_free(named, name)] = series
+        named[free_name(named, name)] = series
     return named
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from tendonrepro.dataset import formats
 from tendonrepro.dataset.tables import BY_JOINT, Columns, Tables, Unreadable, by_joint, with_one_time
 from tendonrepro.dataset.text import encoding_of_bytes, read_text_table
-from tendonrepro.errors import DataMissingError
+from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import md5_of
 
 MOST_BYTES = 2**31
@@ -39,9 +39,13 @@ def read_files(paths: Sequence[Path]) -> Contents:
 
     Raises
     ------
+    UsageError
+        If there are no paths.
     DataMissingError
         If a path is missing, or nothing can be read.
     """
+    if not paths:
+        raise UsageError("names nothing to read", where="PATHS", hint="name files, folders or archives")
     for path in paths:
         if not path.exists():
             hint = "tendonrepro data fetch gets the record"
@@ -177,5 +181,5 @@ def _reader_of(path: Path) -> Callable[[Path], Tables]:
     if suffix == ".json":
         return formats.read_package
     if suffix in _TEXTS | _BOOKS:
-        return formats.read_lvm if formats.is_labview(path) else read_text_table
+        return formats.read_lvm if head.startswith(b"LabVIEW Measurement") else read_text_table
     raise Unreadable(f"a format that is not read: {suffix or 'no suffix'}")

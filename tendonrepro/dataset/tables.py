@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from itertools import zip_longest
 from typing import Any, TypeAlias
 
@@ -77,11 +76,16 @@ class Columns(dict[str, Column]):
         """Add a column; a second of its name is numbered."""
         name = " ".join(name.split())
         full = f"{name} ({unit})" if unit and f"({unit})" not in name and f"[{unit}]" not in name else name
-        number, free = 1, full
-        while free in self:
-            number += 1
-            free = f"{full} #{number}"
-        self[free] = values
+        self[free_name(self, full)] = values
+
+
+def free_name(named: Container[str], name: str) -> str:
+    """The name, numbered where another has it."""
+    number, free = 1, name
+    while free in named:
+        number += 1
+        free = f"{name} #{number}"
+    return free
 
 
 class Tables(dict[str, Columns]):
@@ -194,15 +198,13 @@ def _seconds(known: pd.Series, cells: pd.Series) -> pd.Series | None:
 
 def first_numbers(rows: Sequence[Sequence[str]], sample: Sequence[Sequence[str]]) -> int | None:
     """First row with numbers where most of the `sample` has some, and so in the two rows behind it."""
-    counts: Counter[int] = Counter()
-    filled: Counter[int] = Counter()
-    for row in sample:
-        filled.update(k for k, cell in enumerate(row) if cell)
-        counts.update(k for k, cell in enumerate(row) if is_number(cell))
-    numbers = [k for k in sorted(counts) if counts[k] > 0.5 * filled[k] and filled[k] > 0.2 * len(sample)]
+    columns = list(zip_longest(*sample, fillvalue=""))
+    filled = [sum(map(bool, cells)) for cells in columns]
+    counts = [sum(map(is_number, cells)) for cells in columns]
+    width = len(columns)
+    numbers = [k for k in range(width) if counts[k] > 0.5 * filled[k] and filled[k] > 0.2 * len(sample)]
     if not numbers:
         return None
-    width = max(map(len, sample))
     for place, row in enumerate(rows[:-1]):
         if _share(row, numbers, width) > 0.5 and all(
             _share(after, numbers, width) > 0.0 for after in rows[place + 1 : place + 3]
@@ -275,10 +277,7 @@ def _is_header(row: Sequence[str]) -> bool:
 def _told_by(names: Sequence[str]) -> int:
     """How much names tell of columns: variables, joints, units."""
     meanings = [meaning_of(name) for name in names if name]
-    return sum(
-        (variable_of(said.says) is not None) + (said.joint is not None) + (said.unit is not None)
-        for said in meanings
-    )
+    return sum(3 - (variable_of(said.says), said.joint, said.unit).count(None) for said in meanings)
 
 
 def _bare(unit: str) -> str:
@@ -290,9 +289,9 @@ def _bare(unit: str) -> str:
 
 def angle_unit_of(lines: Iterable[str]) -> str:
     """Unit of angles by a setting above a table, as OpenSim writes it, or an empty text."""
-    told = (re.match(r"\W*in_?degrees\W+(yes|no|true|false)\b", line, re.IGNORECASE) for line in lines)
-    answers = [match[1].casefold() for match in told if match]
-    return ("deg" if answers[-1] in ("yes", "true") else "rad") if answers else ""
+    settings = re.compile(r"^\W*in_?degrees\W+(yes|no|true|false)\b", re.IGNORECASE | re.MULTILINE)
+    answers = settings.findall("\n".join(lines))
+    return ("deg" if answers[-1].casefold() in ("yes", "true") else "rad") if answers else ""
 
 
 def _are_units(row: Sequence[str], above: Sequence[str]) -> bool:

@@ -7,6 +7,7 @@ import re
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -123,17 +124,14 @@ def _whole(lines: Sequence[str]) -> Iterator[tuple[int, str]]:
 
 def encoding_of(path: Path) -> tuple[str, bool]:
     """Encoding of a file, by the first stretch beyond ASCII, and whether some bytes do not fit it."""
-    sample, beginning = b"", b""
     with path.open("rb") as stream:
-        while chunk := stream.read(_CHUNK):
-            beginning = beginning or chunk[:2]
-            if not chunk.isascii():
-                sample += chunk[: _CHUNK - len(sample)]
-                if len(sample) >= _CHUNK:
-                    break
-    if beginning in (b"\xff\xfe", b"\xfe\xff"):
-        return "utf-16", False
-    return encoding_of_bytes(sample)
+        chunks = iter(lambda: stream.read(_CHUNK), b"")
+        first = next(chunks, b"")
+        if first.startswith((b"\xff\xfe", b"\xfe\xff")):
+            return "utf-16", False
+        return encoding_of_bytes(
+            next((chunk for chunk in chain([first], chunks) if not chunk.isascii()), b"")
+        )
 
 
 def encoding_of_bytes(content: bytes) -> tuple[str, bool]:

@@ -97,11 +97,6 @@ class PrintedTables:
             "best": self.best.name,
             "best_agree": len(self.best.agree),
             "chance": self.chance,
-            "combinations": [
-                {"name": tried.name, "window": tried.window, "offset_removed": tried.offset_removed}
-                | {"agree": len(tried.agree), "of": self.compared}
-                for tried in self.tried
-            ],
             "left_out": dict(self.left_out),
             "remark": self.remark(),
         }
