@@ -131,7 +131,8 @@ def build_law(config: CompareConfig, name: str) -> Law:
     scale = 1.0 if readings.gain_unit == "radian" else DEGREES_PER_RADIAN
     mass_scale = DEGREES_PER_RADIAN if readings.gain_unit == "law_in_degrees" else 1.0
     cutoff = config.control.filter_cutoff
-    low_pass = 1.0 if cutoff is None else newest_weight(cutoff.si, L)
+    # Weight of the newest value in a low-pass.
+    low_pass = 1.0 if cutoff is None else 1.0 - np.exp(-2.0 * np.pi * cutoff.si * L)
     to_joint = torque_map(config)
     return Law(
         surface=int(control.Surface[choice.surface.upper()]),
@@ -176,12 +177,6 @@ def power_floor(resolution: Value, scale: float) -> Value:
     # Of a symbol, too: the page in a browser can move the resolution.
     floor: Value = np.maximum(resolution, RESOLVED_ANGLE) * scale
     return floor
-
-
-def newest_weight(cutoff: Value, L: float) -> Value:
-    """Weight of the newest value in a low-pass of a cutoff, Hz, or of many."""
-    weight: Value = 1.0 - np.exp(-2.0 * np.pi * cutoff * L)
-    return weight
 
 
 def _boundary(gains: Gains, readings: Readings) -> Array:
@@ -343,6 +338,7 @@ def _loop(
     controller: TimeDelayController | PositionController,
     reference: DesiredMotion,
 ) -> Loop:
+    solver = config.solver
     return Loop(
         plant=plant,
         joint_encoder=rig.build_encoder(config.manipulator.encoders.joint),
@@ -351,19 +347,13 @@ def _loop(
         controller=controller,
         reference=reference,
         L=config.sampling_period.si,
-        solver=build_solver(config),
+        solver=Solver(solver.method, solver.rtol.si, solver.atol.si, solver.max_step.si),
         divergence_limit=config.status.divergence_limit.si,
         ringing_frequency=config.status.ringing_frequency.si,
         ringing_share=config.status.ringing_share.si,
         cold=False,
         seed=int(config.seed.si),
     )
-
-
-def build_solver(config: Config) -> Solver:
-    """Integrator of single runs."""
-    solver = config.solver
-    return Solver(solver.method, solver.rtol.si, solver.atol.si, solver.max_step.si)
 
 
 def run_status(loop: Loop, variables: Mapping[str, Array]) -> tuple[Status, float]:

@@ -85,7 +85,7 @@ class UserLaw:
             module = {self.name: copy.deepcopy(self.given)}
         law = module.get(self.name)
         if not callable(law) or isinstance(law, type):
-            message = f"there is no function {self.name!r} that can be called, or an object that is one"
+            message = f"there is no function {self.name!r}, nor an object of that name that can be called"
             raise UsageError(message, where=self.spec)
         return law, getattr(law, "setup", module.get("setup"))
 
