@@ -8,7 +8,6 @@ import pytest
 import tendonrepro as tr
 from tendonrepro.console import QUIET
 from tendonrepro.dataset.ingestion import run_ingest, run_inspect
-from tendonrepro.dataset.read import read_files
 from tendonrepro.results.traces import read_traces
 
 MOTION = {"reference.periods": 1, "reference.rise": 1.6, "reference.hold": 0.8}
@@ -101,10 +100,3 @@ def test_the_residual_is_the_known_one_within_its_band(validated):
         assert row["e_rms_low_deg"] <= OFFSET <= row["e_rms_high_deg"]
         assert row["e_rms_deg"] == pytest.approx(OFFSET, abs=0.02)
         assert row["e_rms_high_deg"] - row["e_rms_deg"] == pytest.approx(row["reading_error_deg"])
-
-
-def test_a_described_table_is_read_once(ours, tmp_path):
-    svgdigitizer(tmp_path, list(curves(ours))[:2])
-    sources, unread, _ = read_files([tmp_path])
-    assert len(sources) == 2
-    assert not unread

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
-from support.measured_synthetic import CONTROLLERS, LOADED, measured_trace
+from support.measured_synthetic import CONTROLLERS, measured_trace
 from support.synthetic import make_compare_file, make_decouple_file
 
 from tendonrepro.results.figures.catalogue import FIGURES, draw
@@ -31,15 +31,9 @@ def models(file):
     }
 
 
-def test_every_figure_with_data_is_there(file):
-    assert overlays(file) == NAMES
-    alone = replace(file, runs={LOADED: file.runs[LOADED]})
-    assert "fig16" in overlays(alone)
-    assert "fig14" not in overlays(alone)
-
-
 @pytest.mark.parametrize("number", NAMES)
 def test_panels_are_the_papers_and_no_curve_hides_the_other(number, file):
+    assert overlays(file) == NAMES
     drawn = draw_overlay(number, file, models(file))
     plain = draw(number, file)
     assert set(drawn.axes) == set(plain.axes)

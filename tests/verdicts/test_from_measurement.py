@@ -149,14 +149,6 @@ class TestComparison:
         assert f"of the run {name}, joint {joint}" in found.evidence["missing"]
         assert found.evidence["missing"].startswith(variable)
 
-    def test_a_smaller_rival_torque_turns_c6(self):
-        larger = comparison()
-        wave = larger.runs["controller_1"]["tau_m"]
-        for name, size in GROWING.items():
-            larger = with_values(larger, name, tau_m=size * wave)
-        assert verdict(larger, "C6") == "reproduced"
-        assert verdict(with_values(larger, "controller_2", tau_m=0.5 * wave), "C6") == "not_reproduced"
-
     @pytest.mark.parametrize(("factor", "alike"), [(1.005, True), (1.1, False)])
     def test_steps_of_the_torque_are_compared_between_equal_samplings_alone(self, factor, alike):
         file = comparison()
