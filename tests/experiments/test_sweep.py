@@ -24,7 +24,6 @@ from tendonrepro.simulation.batch import simulate_batch
 ALPHA = "control.gains.alpha=[0,0],[0.1,0.2],[0.3,0.4]"
 PERIOD = "sampling_period=0.5,1,2"
 ONE = "reference.periods=1"
-SLOW = (*SMOOTH, one_stroke(8))
 
 
 @cache
@@ -38,26 +37,17 @@ def by_point(rows, column, **keys):
     return np.array(kept, dtype=float).reshape(-1, 2)
 
 
-class TestTheory:
-    """Errors of a slowly changing load: e = w L dH / (M_bar lam k), docs/theory.md."""
-
-    def test_alpha_makes_the_error_larger_by_one_plus_alpha(self):
-        found = swept(ALPHA, overrides=SLOW)
-        ratio, w = by_point(found.points, "c1_c2"), 1.0 + found.grid.axes[0].numbers
-        # As tests/analysis/test_small_signal.py: of first order in 1/T, and 6 % of w - 1, common to both.
-        np.testing.assert_array_less(np.abs(ratio - w), 0.025 / 8.0 + 0.06 * (w - 1.0) + 1e-12)
-        assert np.all(ratio[0] == 1.0)
-
-    @pytest.mark.parametrize(
-        ("over", "power"), [(PERIOD, 1.0), ("control.gains.M_bar=[0.01,0.01],[0.02,0.02]", -1.0)]
-    )
-    def test_error_goes_with_L_over_M_bar(self, over, power):
-        found = swept(over, overrides=SLOW)
-        x, e = found.grid.axes[0].numbers, by_point(found.points, "controller_2")
-        slopes = np.diff(np.log(e), axis=0) / np.diff(np.log(x), axis=0)
-        # The plant's own answer to the error is of the order of 1/T. Common to all laws, ½ (λ + k) M_bar
-        # is 5 % of joint 3's load, D_m, at the printed M_bar and 10 % at twice that.
-        np.testing.assert_allclose(slopes, power, atol=0.11 if power < 0.0 else 0.06)
+@pytest.mark.parametrize(
+    ("over", "power"), [(PERIOD, 1.0), ("control.gains.M_bar=[0.01,0.01],[0.02,0.02]", -1.0)]
+)
+def test_error_goes_with_L_over_M_bar(over, power):
+    """Of a slowly changing load: e = w L dH / (M_bar lam k), docs/theory.md."""
+    found = swept(over, overrides=(*SMOOTH, one_stroke(8)))
+    x, e = found.grid.axes[0].numbers, by_point(found.points, "controller_2")
+    slopes = np.diff(np.log(e), axis=0) / np.diff(np.log(x), axis=0)
+    # The plant's own answer to the error is of the order of 1/T. Common to all laws, ½ (λ + k) M_bar is 5 %
+    # of joint 3's load, D_m, at the printed M_bar and 10 % at twice that.
+    np.testing.assert_allclose(slopes, power, atol=0.11 if power < 0.0 else 0.06)
 
 
 class TestRun:
