@@ -1,4 +1,4 @@
-"""The same tape by machine code of ours, by numba and by Python itself."""
+"""The same tape by machine code of ours and by numba."""
 
 from __future__ import annotations
 
@@ -11,15 +11,11 @@ import pytest
 from support.oracles import FEATURES, random_plant, random_state
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.load import CompareConfig, load_config
-from tendonrepro.experiments.loops import build_loops
-from tendonrepro.physics.control import command
 from tendonrepro.physics.dynamics import state_derivative
 from tendonrepro.simulation.codegen.lanes import aligned, stacked
 from tendonrepro.simulation.codegen.machine import LANES, assembled, callable_code
 from tendonrepro.simulation.codegen.symbols import as_operand, needed
-from tendonrepro.simulation.kernel import Writer, experiment_rows, law_numbers, runge_kutta, write_sample
-from tendonrepro.simulation.loop import rest_at
+from tendonrepro.simulation.kernel import Writer, experiment_rows
 
 WRITTEN = {
     # No branch: numba takes minutes for hundreds of them.
@@ -72,33 +68,6 @@ def assert_same(code: Writer, w: Array, other: Callable[[Array, float, float], N
     other(expected, k, t)
     np.testing.assert_allclose(ours[changed], expected[changed], rtol=1e-11, atol=1e-12)
     return expected
-
-
-@pytest.mark.parametrize("run", ["controller_1", "controller_3"])
-def test_a_sample_of_an_experiment_is_that_of_python(run: str) -> None:
-    """Law and two steps of the plant, as one tape."""
-    found = load_config("plain", "compare", overrides=("manipulator.encoders.joint.noise=1e-5",))
-    assert isinstance(found.config, CompareConfig)
-    loop = dict(build_loops(found.config, found.folder))[run]
-    rest = rest_at(np.zeros(2), loop.plant)
-    code = Writer(experiment_rows(2))
-    write_sample(code, law_numbers([(loop, rest)]), command, statistics=False, record=True)
-    x, torque = code.rows.parameters(code.tape, stacked([loop.plant])), code.read("torque", 2)
-    t: Any = code.tape.write("time")
-    h: Any = code.number("period") * 0.5
-    for k in range(2):
-        state = code.read("state", 8)
-        code.write(
-            "state", runge_kutta(lambda t, y: state_derivative(t, y, torque, x), t + k * h, state, h)[0]
-        )
-    named, rng = code.rows.named, np.random.default_rng(3)
-    w = rows_of(code)
-    w[named["period"]], w[named["live"]] = loop.L, 1.0
-    w[: named["live"]] = 1e-3 * rng.normal(size=named["live"])
-    for name, size in (("memory", 18), ("desired", 6), ("noise", 6)):
-        w[named[name] : named[name] + size] = 1e-3 * rng.normal(size=size)
-    after = assert_same(code, w, in_python(code))
-    assert np.abs(after[:8] - w[:8]).min() > 1e-9, "all of the state has moved"
 
 
 @pytest.mark.slow
