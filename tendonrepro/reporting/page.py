@@ -78,24 +78,22 @@ def run_report(
     return {**head, "parts": parts, "left_out": sources.left_out}
 
 
+WHENCE = {
+    "run": "found here",
+    "here": "found here, not judged by claims",
+    "shipped": "as shipped with the package",
+    "missing": "not run, the page says how",
+}
+"""Origins of parts in words."""
+
+
 def report_text(report: Json) -> str:
     """What the terminal says."""
     lines = [f"{report['path']}: {report['bytes'] / 1e6:.1f} MB, open it in a browser"]
-    told = {
-        "run": "found here",
-        "here": "found here, not judged by claims",
-        "shipped": "as shipped with the package",
-        "missing": "not run, the page says how",
-    }
-    for origin, words in told.items():
-        names = [name for name, whence in report["parts"].items() if whence == origin]
-        lines += [f"{words}: {', '.join(names)}"] if names else []
+    lines += [f"{name}: {WHENCE[origin]}" for name, origin in report["parts"].items()]
     if not {"run", "here"} & {*report["parts"].values()}:
-        lines.append(
-            f"no results here: they are folders with a {MANIFEST}, as commands leave them in reports"
-        )
-    lines += [f"left out: {name}: {why}" for name, why in report["left_out"].items()]
-    return "\n".join(lines)
+        lines.append(f"no results here: commands leave folders with a {MANIFEST} in reports")
+    return "\n".join([*lines, *(f"{name}: left out, {why}" for name, why in report["left_out"].items())])
 
 
 def page(sources: ReportSources, again: str | None = "tendonrepro report") -> str:
