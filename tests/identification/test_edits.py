@@ -23,8 +23,8 @@ from tendonrepro.experiments.loops import all_loops, build_law
 from tendonrepro.experiments.user_law import laws_of
 from tendonrepro.identification.edits import study as edits_study
 from tendonrepro.identification.edits.rank import Outcomes, planted, ranking
-from tendonrepro.identification.edits.recorded import UNPRINTED, EditedLaw
-from tendonrepro.identification.edits.rules import Anatomy
+from tendonrepro.identification.edits.recorded import UNPRINTED, EditedLaw, recorded
+from tendonrepro.identification.edits.rules import Anatomy, edits_of
 from tendonrepro.identification.edits.study import EditStudy, edited_goal
 from tendonrepro.identification.edits.variants import Variants, law_of, states, torques, variants_of
 from tendonrepro.physics import control
@@ -144,15 +144,15 @@ def test_names_tell_edits_apart_and_equal_ones_stand_once() -> None:
     assert not {name for name in made.unchanged if "α of the other joint" in name}
 
 
-def test_an_edit_of_eq_16_is_remembered_for_the_second_estimate() -> None:
-    """The acceleration at t − 2L is that of Eq. (16) a sample ago, whichever way it was made."""
-    (edit,) = (edit for edit in every_edit().edits if edit.name == READINGS["differencing=centred"])
-    law = edit.laws["controller_1"]
+@pytest.mark.parametrize("lag", [1, 2])
+def test_an_edit_of_eq_16_is_remembered_for_the_second_estimate(lag: int) -> None:
+    """The acceleration at t − 2L is that of Eq. (16) a delay ago, whichever way it was made."""
+    base = recorded(build_law(config(), "controller_1")._replace(lag=lag))
+    law = EditedLaw(base, edits_of(base)[READINGS["differencing=centred"]])
     memory, q, q_d, *_ = states(2)
-    memory = memory._replace(q=memory.q[:3], tau=memory.tau[:2], ddq=memory.ddq[:1])
-    centred = law.base.law._replace(newest=0)
-    ours = law.remember(memory, q, q_d, q, q, q, law.base.law)
-    theirs = control.remember(memory, q, q_d, q, q, q, centred)
+    memory = memory._replace(q=memory.q[: 3 * lag], tau=memory.tau[: 2 * lag], ddq=memory.ddq[:lag])
+    ours = law.remember(memory, q, q_d, q, q, q, base.law)
+    theirs = control.remember(memory, q, q_d, q, q, q, base.law._replace(newest=0))
     np.testing.assert_allclose(ours.ddq, theirs.ddq, rtol=1e-12)
 
 

@@ -79,11 +79,12 @@ class TestBench:
         assert len({*zip(steps, disturbance, strict=True)}) == 6
 
     def test_large_batches_are_cut_and_stubs_left_out(self, monkeypatch):
-        sizes = []
+        sizes, batches = [], []
 
         def counting(loops):
             sizes.append(len(loops))
-            return made_up(loops)
+            batches.append(made_up(loops))
+            return batches[-1]
 
         monkeypatch.setattr("tendonrepro.identification.misfit.PLANTS_AT_ONCE", 16)
         space = space_of(loaded())
@@ -92,6 +93,8 @@ class TestBench:
         assert (found.sizes.shape, found.status.shape) == ((20, 2, 2, 2), (20, 2))
         stubs = 2 * len(space.acting())
         assert sizes == [16 * 2 + stubs, 4 * 2 + stubs]
+        in_rad = batches[0].statistics["rmse"][: 16 * 2].reshape(16, 2, 2)
+        np.testing.assert_allclose(found.sizes[:16, :, 1], np.rad2deg(in_rad))
 
     def test_repeats_move_masses_by_a_millionth_and_nothing_else(self):
         space, seen = space_of(loaded()), []
