@@ -27,6 +27,7 @@ from tendonrepro.identification.edits.recorded import UNPRINTED, EditedLaw, reco
 from tendonrepro.identification.edits.rules import Anatomy, edits_of
 from tendonrepro.identification.edits.study import EditStudy, edited_goal
 from tendonrepro.identification.edits.variants import Variants, law_of, states, torques, variants_of
+from tendonrepro.monte_carlo.evaluate import stub_of
 from tendonrepro.physics import control
 from tendonrepro.physics.control import Law
 from tendonrepro.results.record_store import Records, RecordStore
@@ -156,14 +157,9 @@ def test_an_edit_of_eq_16_is_remembered_for_the_second_estimate(lag: int) -> Non
     np.testing.assert_allclose(ours.ddq, theirs.ddq, rtol=1e-12)
 
 
-def short(loop: Loop) -> Loop:
-    parts = {name: getattr(loop.reference, name)[:400] for name in ("time", "q_d", "dq_d", "ddq_d")}
-    return replace(loop, reference=replace(loop.reference, **parts))
-
-
 def test_a_recorded_law_runs_as_the_law_and_an_edit_as_its_reading() -> None:
     """In closed loop, on lanes."""
-    loop = short(loops()["controller_1"])
+    loop = stub_of(loops()["controller_1"])
     (edit,) = (edit for edit in every_edit().edits if edit.name == READINGS["weights=extrapolating"])
     other = build_law(under(parse_reading("weights=extrapolating"), config(), {}), "controller_1")
     law = law_of(loop)

@@ -87,7 +87,7 @@ def test_a_slope_into_a_run_that_ends_badly_stops_no_other_row(tmp_path):
 
 
 def test_rows_that_do_nothing_cost_one_slope(tmp_path):
-    """Of six rows three act: the first slopes take six points, further ones three."""
+    """Of six rows three act: the first slopes take six points, further ones three, where Broyden's are spent."""
     sizes = []
 
     def counted(units):
@@ -97,6 +97,7 @@ def test_rows_that_do_nothing_cost_one_slope(tmp_path):
     searched(tmp_path / "kept.npy", least_squares, counted, starts=np.full((1, ROWS), 0.9))
     assert sizes[:2] == [1, ROWS]
     assert {*sizes[2:]} == {3, sizes[2]}
+    assert sizes.count(3) == 1
 
 
 @EACH

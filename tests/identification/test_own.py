@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from support.made_plants import Killed
 from support.synthetic import FEW, make_compare_file
 
 import tendonrepro as tr
@@ -72,9 +70,9 @@ def table(loaded: LoadedEnsemble, path: Path, runs: Sequence[str] = ("controller
     return path
 
 
-def fitted(compare: Path, errors: Path, out: Path, measure: Callable[..., Any] = cheap, **asked: Any) -> Any:
+def fitted(compare: Path, errors: Path, out: Path, **asked: Any) -> Any:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Bench, "measure", measure)
+        patch.setattr(Bench, "measure", cheap)
         study = COMMANDS["identify"].prepare(
             config=compare, errors=errors, out=out, figures=False, **(ASKED | asked)
         )
@@ -102,15 +100,6 @@ def test_known_factors_come_back_and_the_arm_keeps_the_rest(
     assert all(held.source.startswith("identified: mine.csv, misfit ") for held in moved)
 
 
-def test_more_parameters_than_numbers_determine_nothing(compare: Path, tmp_path: Path) -> None:
-    path = tmp_path / "two.csv"
-    path.write_text("run,joint,mae_deg\ncontroller_2,1,0.31\ncontroller_2,2,0.29\n", encoding="utf-8")
-    rows = "links.mass_2,winches.viscous,links.mass_1"
-    (found,) = fitted(compare, path, tmp_path / "out", rows=rows)["readings"]
-    assert len(found["numbers"]) == 2
-    assert not any(row["determined"] for row in found["known"])
-
-
 def test_what_near_plants_differ_in_is_not_determined(loaded: LoadedEnsemble) -> None:
     rows = [name in {"links.mass_1", "links.mass_2"} for name in space_of(loaded).box.names]
     box = space_of(loaded).box.freeing(np.array(rows))
@@ -130,26 +119,12 @@ def test_what_near_plants_differ_in_is_not_determined(loaded: LoadedEnsemble) ->
     assert not any(row["determined"] for row in known_rows(box, units, 4, fits=False))
 
 
-@pytest.mark.slow
-def test_interrupted_it_goes_on_and_another_table_begins_anew(
-    loaded: LoadedEnsemble, compare: Path, tmp_path: Path
-) -> None:
-    errors, calls, rows = table(loaded, tmp_path / "mine.csv"), Counter[str](), ",".join(TRUTH)
-
-    def mortal(*given: Any) -> Simulated:
-        calls["all"] += 1
-        if calls["all"] == 9:
-            raise Killed
-        return cheap(*given)
-
-    with pytest.raises(Killed):
-        fitted(compare, errors, tmp_path / "out", mortal, rows=rows)
-    resumed = fitted(compare, errors, tmp_path / "out", mortal, rows=rows)
-    whole = fitted(compare, errors, tmp_path / "whole", rows=rows)
-    np.testing.assert_equal(resumed["readings"], whole["readings"])
+def test_another_table_begins_anew(loaded: LoadedEnsemble, compare: Path, tmp_path: Path) -> None:
+    errors = table(loaded, tmp_path / "mine.csv")
+    fitted(compare, errors, tmp_path / "out", rows="links.mass_2", budget=2)
     errors.write_text(errors.read_text("utf-8").replace("controller_1,1,0.", "controller_1,1,0.0"), "utf-8")
     with pytest.raises(UsageError):
-        fitted(compare, errors, tmp_path / "whole", rows=rows)
+        fitted(compare, errors, tmp_path / "out", rows="links.mass_2", budget=2)
 
 
 def test_numbers_of_a_table_and_of_traces(loaded: LoadedEnsemble, tmp_path: Path) -> None:
