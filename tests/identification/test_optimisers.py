@@ -87,7 +87,7 @@ def test_a_slope_into_a_run_that_ends_badly_stops_no_other_row(tmp_path):
 
 
 def test_rows_that_do_nothing_cost_one_slope(tmp_path):
-    """Of six rows three act: the first slopes take six points, further ones three, where Broyden's are spent."""
+    """Of six rows three act: the first slopes take six points, further ones three, once Broyden's end."""
     sizes = []
 
     def counted(units):
