@@ -8,22 +8,14 @@ from typing import Any, NamedTuple, TypeAlias
 
 from pydantic import TypeAdapter
 
+from tendonrepro.configuration import load, strict_yaml
 from tendonrepro.configuration.ensemble import EnsembleConfig, LoadedEnsemble, checked_ensemble
 from tendonrepro.configuration.from_base import MOST_JOINTS
-from tendonrepro.configuration.load import (
-    MANIPULATOR,
-    MODELS,
-    ConfigSource,
-    Draft,
-    LoadedConfig,
-    checked_config,
-    shipped_file,
-    shipped_folder,
-)
+from tendonrepro.configuration.load import MANIPULATOR, MODELS, ConfigSource, Draft, LoadedConfig
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.overrides import Overrides, overrides_of
 from tendonrepro.configuration.strict_model import Model
-from tendonrepro.configuration.strict_yaml import Tree, is_yaml, load, read_text
+from tendonrepro.configuration.strict_yaml import Tree, is_yaml, read_text
 from tendonrepro.errors import UsageError
 from tendonrepro.files import refuse_file, write_atomically
 
@@ -48,7 +40,7 @@ def checked(source: str, overrides: Overrides) -> Loaded:
         return LoadedArm(arm, draft.tree, (*draft.remarks(arm),))
     if draft.kind == "ensemble":
         return checked_ensemble(draft, changes)
-    return checked_config(draft, changes)
+    return load.checked_config(draft, changes)
 
 
 def init_config(name: str, out: Path) -> list[Path]:
@@ -57,7 +49,7 @@ def init_config(name: str, out: Path) -> list[Path]:
     `out` is a folder, or the configuration's file, with the others beside it. A companion with the same
     content is left alone. Anything else that is there is refused.
     """
-    source = shipped_file(name)
+    source = load.shipped_file(name)
     own, folder = (out, out.parent) if is_yaml(out) else (out / source.name, out)
     companions = [*_with_named(source)[1:], source.with_name("schema.json")]
     texts = [(own, read_text(source)), *((folder / path.name, read_text(path)) for path in companions)]
@@ -85,7 +77,7 @@ def _write_new(folder: Path, texts: Sequence[tuple[Path, str]], first: int) -> l
 
 def _with_named(source: Path) -> list[Path]:
     """A file and those that it names, and so on."""
-    tree = load(read_text(source), str(source))
+    tree = strict_yaml.load(read_text(source), str(source))
     named = [tree[key] for key in ("base", "manipulator") if isinstance(tree.get(key), str)]
     return [source, *(path for name in named for path in _with_named(source.with_name(name)))]
 
@@ -160,7 +152,7 @@ def init_arm(joints: int, out: Path) -> list[Path]:
         **_numbers_of_base(joints),
     }
     files = [(arm, "arm"), (folder / "compare.yaml", "compare"), (folder / "decouple.yaml", "decouple")]
-    templates, schema = shipped_folder() / "templates", shipped_folder() / "schema.json"
+    templates, schema = load.shipped_folder() / "templates", load.shipped_folder() / "schema.json"
     texts = [(path, read_text(templates / f"{kind}.txt").format(**known)) for path, kind in files]
     return _write_new(folder, [*texts, (folder / schema.name, read_text(schema))], len(texts))
 
@@ -172,7 +164,7 @@ def _numbers_of_base(joints: int) -> dict[str, object]:
         "winch": arm["routing"]["winch_diameter"]["value"][0],
         "stiffness": f"{arm['tendons']['axial_stiffness']['value'][0]:.2g}".replace("e+0", "e"),
     }
-    for key, quantity in load(read_text(shipped_file(BASE)), BASE)["links"].items():
+    for key, quantity in strict_yaml.load(read_text(load.shipped_file(BASE)), BASE)["links"].items():
         values, whole = arm["links"][key]["value"], sum(quantity["value"])
         is_longer = sum(values) > whole * (1.0 + 1e-9)
         shown[key] = [round(whole / joints, 3)] * joints if is_longer else [*values]

@@ -11,14 +11,8 @@ from typing import Annotated, Literal, TypeAlias
 import numpy as np
 from pydantic import Field, ValidationError
 
-from tendonrepro.configuration.load import (
-    ConfigLike,
-    Draft,
-    LoadedConfig,
-    config_digest,
-    find_source,
-    load_config,
-)
+from tendonrepro.configuration import load, strict_yaml
+from tendonrepro.configuration.load import ConfigLike, Draft, LoadedConfig, load_config
 from tendonrepro.configuration.models.box import FAST_PERIOD, BoxConfig, Confidence
 from tendonrepro.configuration.models.control import PRINTED_LAWS, RUNS
 from tendonrepro.configuration.models.experiment import CompareConfig
@@ -28,7 +22,7 @@ from tendonrepro.configuration.published import COMPARED
 from tendonrepro.configuration.quantity import Ends, Scalar, positive, whole
 from tendonrepro.configuration.rows import PER_JOINT, SHARED, held_values
 from tendonrepro.configuration.strict_model import Identifier, Mistakes, Model, SchemaVersion, explain
-from tendonrepro.configuration.strict_yaml import Key, Node, Tree, load
+from tendonrepro.configuration.strict_yaml import Key, Node, Tree
 from tendonrepro.errors import ConfigError, UsageError, did_you_mean
 from tendonrepro.physics.trajectory import trapezoid_times
 
@@ -191,7 +185,7 @@ def checked_ensemble(draft: Draft, changes: Sequence[Override]) -> LoadedEnsembl
             remarks=(),
         ),
         tree=draft.tree,
-        sha256=config_digest({"ensemble": config.model_dump(mode="json"), "base": base.sha256}),
+        sha256=load.config_digest({"ensemble": config.model_dump(mode="json"), "base": base.sha256}),
         origin=draft.origin,
     )
 
@@ -287,7 +281,7 @@ def _around(
         shipped,
         base=base,
         tree=base.tree,
-        sha256=config_digest(content | ({"own": own} if own else {})),
+        sha256=load.config_digest(content | ({"own": own} if own else {})),
         origin=base.origin,
         around=Around(base.config.manipulator.name, spread, own),
     )
@@ -310,8 +304,8 @@ def load_plants(
     ConfigError
         If the comparison has not the three laws that are compared.
     """
-    text = find_source(source, "ensemble")
-    tree = load(text.text, text.origin)
+    text = load.find_source(source, "ensemble")
+    tree = strict_yaml.load(text.text, text.origin)
     if isinstance(tree, dict) and tree.get("experiment") == "compare":
         return _around(text, spread, ranges, overrides, seed)
     given = {"--spread": spread is not None, "--range": bool(ranges)}

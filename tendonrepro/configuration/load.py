@@ -315,17 +315,12 @@ def checked_config(
         numbers = numbers_of(controllers)
         config = _only(config, draft.tree, numbers)
         recorded.append(f"controllers={','.join(map(str, numbers))}")
-    references = references_of(config)
-    trajectories = [
-        draft.named_file(reference.file, *path, "file", shipped=False)
-        for path, reference in references.items()
-        if isinstance(reference, Sampled)
-    ]
-    written = config.model_dump(mode="json", exclude_defaults=True)
-    for path, reference in references.items():
+    written, trajectories = config.model_dump(mode="json", exclude_defaults=True), []
+    for path, reference in references_of(config).items():
         if isinstance(reference, Sampled):
+            trajectories.append(draft.named_file(reference.file, *path, "file", shipped=False))
+            # It counts by its content, wherever it lies.
             reduce(getitem, path, written)["file"] = ""
-    # Trajectories count by their content, wherever they lie.
     content = {"config": written, "trajectories": [sha256_of(path) for path in trajectories]}
     return LoadedConfig(
         config=config,

@@ -14,16 +14,8 @@ from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema
 
 from tendonrepro.arrays import Array, Numeric
-from tendonrepro.configuration.strict_model import (
-    SOURCE_PATTERN,
-    Mistakes,
-    Model,
-    Number,
-    Provenance,
-    describe,
-    refuse,
-    refuse_all,
-)
+from tendonrepro.configuration import strict_model
+from tendonrepro.configuration.strict_model import Mistakes, Model, Number, Provenance
 from tendonrepro.configuration.strict_yaml import Key
 from tendonrepro.console import count_of
 
@@ -196,15 +188,17 @@ class Physical:
             number, _, told = raw.partition(" ") if isinstance(raw, str) else ("...", "", "")
             number, unit = (number, told) if told in self.units else ("...", unit)
             example = f"{{value: {number}, unit: {unit}, source: 'assumed: ...'}}"
-            refuse(f"must carry unit and source, as in {example}, found {describe(raw)}")
+            strict_model.refuse(
+                f"must carry unit and source, as in {example}, found {strict_model.describe(raw)}"
+            )
         quantity = handler(raw)
-        refuse_all(self._out_of_range(quantity, quantity.unit))
+        strict_model.refuse_all(self._out_of_range(quantity, quantity.unit))
         return quantity
 
     def _out_of_range(self, quantity: Model, unit: str) -> Mistakes:
         """Mistakes of a quantity or a row of the box."""
         if unit not in self.units:
-            yield ("unit",), f"must be {' or '.join(self.units)}, found {describe(unit)}"
+            yield ("unit",), f"must be {' or '.join(self.units)}, found {strict_model.describe(unit)}"
             return
         for place, value in _numbers(quantity):
             si = to_si(value, unit)
@@ -246,7 +240,7 @@ class Physical:
             "properties": {
                 "value": value,
                 "unit": {"enum": self.units},
-                "source": {"type": "string", "pattern": SOURCE_PATTERN},
+                "source": {"type": "string", "pattern": strict_model.SOURCE_PATTERN},
             },
             "required": ["value"],
             "additionalProperties": False,

@@ -8,7 +8,6 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from functools import reduce
-from operator import getitem
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -21,7 +20,7 @@ from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.models.reference import ReferenceConfig
 from tendonrepro.configuration.published import COMPARED
 from tendonrepro.configuration.quantity import UNITS, to_si
-from tendonrepro.configuration.strict_yaml import Node, Section, Tree
+from tendonrepro.configuration.strict_yaml import Node, Section, Tree, section
 from tendonrepro.physics.trajectory import trapezoid_times
 
 Draw: TypeAlias = Mapping[str, float]
@@ -169,20 +168,14 @@ def scaled_comparison(base: Tree, factors: Draw, source: str) -> Section:
         for i in range(count)
     ]
     for name, row in PER_JOINT.items():
-        quantity = _at(arm, row.key)
+        quantity = section(arm, *row.key.split("."))
         each = [row.put(factors.get(f"{name}_{i + 1}", 1.0), joint) for i, joint in enumerate(joints)]
         quantity |= {"value": (np.array(quantity["value"]) * each).tolist(), "source": source}
     for name, row in SHARED.items():
         if name in factors:
-            quantity = _at(arm, row.key)
+            quantity = section(arm, *row.key.split("."))
             quantity |= {"value": (np.array(quantity["value"]) * factors[name]).tolist(), "source": source}
     return tree
-
-
-def _at(arm: Section, key: str) -> Section:
-    """Quantity at a key of a manipulator."""
-    quantity: Section = reduce(getitem, key.split("."), arm)
-    return quantity
 
 
 def _copied(tree: Mapping[str, Node]) -> Section:
@@ -211,7 +204,7 @@ def _put_arm(arm: Section, draw: Draw) -> None:
     """Fill in the manipulator of the paper's arm; joint 1 is held, so its entries do not matter."""
 
     def put(key: str, value: object, row: str) -> None:
-        quantity = _at(arm, key)
+        quantity: Section = section(arm, *key.split("."))
         alike = isinstance(quantity["value"], list) and not isinstance(value, list)
         value = [value] * len(quantity["value"]) if alike else value
         quantity |= _drawn(value, UNITS[quantity["unit"]].si, row)
@@ -244,19 +237,18 @@ def _put_arm(arm: Section, draw: Draw) -> None:
 
 
 def _disturbance(draw: Draw) -> Section:
-    kind = _word(draw, "disturbance")
-    torque = {"torque": _drawn([draw["disturbance_torque"]] * len(COMPARED), "N m", "disturbance_torque")}
-    if kind == "sine":
-        return {
-            "kind": kind,
-            **torque,
-            "frequency": _drawn(draw["disturbance_frequency"], "Hz", "disturbance_frequency"),
-        }
-    if kind == "noise":
-        band = _drawn(list(_NOISE_BAND), "Hz", "disturbance, whose band is fixed")
-        components = _drawn(_NOISE_SINES, "1", "disturbance, whose number of sines is fixed")
-        return {"kind": kind, **torque, "band": band, "components": components}
-    return {"kind": kind}
+    disturbance: Section = {"kind": _word(draw, "disturbance")}
+    if disturbance["kind"] != "none":
+        torque = [draw["disturbance_torque"]] * len(COMPARED)
+        disturbance["torque"] = _drawn(torque, "N m", "disturbance_torque")
+    if disturbance["kind"] == "sine":
+        frequency = draw["disturbance_frequency"]
+        disturbance["frequency"] = _drawn(frequency, "Hz", "disturbance_frequency")
+    elif disturbance["kind"] == "noise":
+        disturbance["band"] = _drawn(list(_NOISE_BAND), "Hz", "disturbance, whose band is fixed")
+        told = "disturbance, whose number of sines is fixed"
+        disturbance["components"] = _drawn(_NOISE_SINES, "1", told)
+    return disturbance
 
 
 def _reference(draw: Draw, shortest_run: float) -> Section:

@@ -7,19 +7,11 @@ from typing import Annotated, Literal, TypeAlias
 import numpy as np
 from pydantic import Field, StrictInt
 
+from tendonrepro.configuration import quantity
 from tendonrepro.configuration.models.control import Control
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.models.reference import InTurns, PerJoint, ReferenceConfig, Sampled
-from tendonrepro.configuration.quantity import (
-    Joints,
-    Moving,
-    Physical,
-    Scalar,
-    Vector,
-    nonneg,
-    positive,
-    wrong_sizes,
-)
+from tendonrepro.configuration.quantity import Joints, Moving, Physical, Scalar, Vector, nonneg, positive
 from tendonrepro.configuration.strict_model import Identifier, Mistakes, Model, SchemaVersion
 from tendonrepro.configuration.strict_yaml import Key
 
@@ -171,7 +163,7 @@ def references_of(config: Config) -> dict[tuple[str, ...], ReferenceConfig]:
 def _misfits(config: Config) -> Mistakes:
     """Mistakes across sections."""
     last, moving = config.manipulator.joints, config.joints
-    yield from wrong_sizes(config, {"joints": last, "moving": len(moving)})
+    yield from quantity.wrong_sizes(config, {"joints": last, "moving": len(moving)})
     if moving != tuple(range(last - len(moving) + 1, last + 1)):
         yield ("joints",), f"must be the last joints in order, up to {last}, found {list(moving)}"
     period, step = config.sampling_period, config.solver.max_step
