@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal, TypeAlias
@@ -235,7 +234,7 @@ def _read(text: str) -> tuple[str, list[float]]:
     """Key and numbers of ``KEY=LOW,HIGH``; one number stands for both."""
     key, _, ends = text.partition("=")
     try:
-        numbers = [float(end) for end in re.split(r"[,\s]+", ends.strip(" []"))]
+        numbers = [float(end) for end in ends.strip("[]").split(",")]
     except ValueError:
         message = f"must be KEY=LOW,HIGH, found {text!r}"
         raise UsageError(message, where="--range", hint="For example --range links.mass=0.5,2") from None
@@ -308,8 +307,8 @@ def load_plants(
     tree = strict_yaml.load(text.text, text.origin)
     if isinstance(tree, dict) and tree.get("experiment") == "compare":
         return _around(text, spread, ranges, overrides, seed)
-    given = {"--spread": spread is not None, "--range": bool(ranges)}
-    for option in (name for name, is_given in given.items() if is_given):
+    if spread is not None or ranges:
+        option = "--range" if spread is None else "--spread"
         message = "is for plants around an arm of your own"
         raise UsageError(message, where=option, hint="name its comparison, --config compare.yaml")
     return load_ensemble(text, overrides=overrides, seed=seed)
