@@ -91,11 +91,6 @@ def draw_sweep(sweep: Sweep) -> style.Drawing:
     return style.Drawing("sweep", figure, letters, caption, origin=origin)
 
 
-def _is_numeric(grid: Grid) -> bool:
-    """Whether points lie on one axis of numbers; no line joins words or pairs."""
-    return len(grid.axes) == 1 and grid.axes[0].numbers is not None
-
-
 def _set_values(panel: Axes, grid: Grid, k: int) -> Array:
     """Where the points stand along the axis of joint k, from 0: at their numbers, or side by side."""
     # Many joints leave no room for the keys below each panel.
@@ -104,7 +99,7 @@ def _set_values(panel: Axes, grid: Grid, k: int) -> Array:
         panel.set_xlabel(", ".join(axis.key + unit for axis, unit in zip(grid.axes, units, strict=True)))
     panel.margins(x=0.06)
     numbers = grid.axes[0].numbers
-    if numbers is None or len(grid.axes) > 1:
+    if numbers is None:
         texts = [", ".join(map(text_of, point.values.values())) for point in grid.points]
         x = np.arange(len(texts), dtype=np.float64)
         panel.set_xticks(x, texts, rotation=45.0, ha="right")
@@ -128,7 +123,7 @@ def _draw_errors(panel: Axes, sweep: Sweep, joint: int, x: Array) -> None:
         look = strokes[run].line | {"marker": "osD^v"[i % 5], "markersize": 3.3}
         label = run.replace("_", " ").capitalize()
         (line,) = panel.plot(x[order], mae[order], label=label, **look)
-        if not _is_numeric(sweep.grid):
+        if sweep.grid.axes[0].numbers is None:
             line.set_linestyle("none")
         ringing, gone = x[status == "ringing"], x[np.isnan(mae)]
         open_marker = {"linestyle": "none", "markerfacecolor": "white"}
@@ -144,6 +139,6 @@ def _draw_ratios(panel: Axes, sweep: Sweep, joint: int, x: Array, pairs: Sequenc
         ratio = np.array([row[pair] for row in sweep.points if row["joint"] == joint], dtype=np.float64)
         look = strokes[PAIRS[pair][0]].line | {"marker": "PX"[i], "markersize": 4.0}
         (line,) = panel.plot(x[order], ratio[order], label=pair.upper().replace("_", "/"), **look)
-        if not _is_numeric(sweep.grid):
+        if sweep.grid.axes[0].numbers is None:
             line.set_linestyle("none")
     panel.axhline(1.0, color="#999999", linewidth=0.4, zorder=0.5)

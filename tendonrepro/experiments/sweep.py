@@ -46,8 +46,8 @@ LASTED = ("ok", "ringing")
 class Axis:
     """A key and its values.
 
-    `unit` is that of the quantity, if it is one. `numbers` are the values as numbers of each moving joint,
-    (values, n), or None where they are words.
+    `unit` is that of the quantity, if it is one. `numbers` are the values of the only key as numbers of each
+    moving joint, (values, n); None where they are words, or where there are two keys.
     """
 
     key: str
@@ -141,9 +141,9 @@ def load_grid(
         sha256=config_digest({point.label: point.loaded.sha256 for point in points}),
         inputs=tuple(dict.fromkeys(path for point in points for path in point.loaded.inputs)),
     )
-    n = len(points[0].loaded.config.joints)
+    n, alone = len(points[0].loaded.config.joints), len(values_of) == 1
     axes = [
-        Axis(key, values, unit_of(key, base.tree), numbers_per_joint(values, n))
+        Axis(key, values, unit_of(key, base.tree), numbers_per_joint(values, n) if alone else None)
         for key, values in values_of.items()
     ]
     return Grid(base, axes, points)
