@@ -1,7 +1,7 @@
 """How often `tendonrepro data recover` is right: readings x records, on plants of the parameter ranges.
 
 ``python benchmarks/recovery.py`` stores in docs/results/recover.json what docs/recover.md is about: of two
-plants, in an hour of a processor for each record. ``--intervals`` makes the intervals alone, in a minute.
+plants, in some minutes of a processor for each record. ``--intervals`` makes the intervals alone, in seconds.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.readings import parse_reading, under
 from tendonrepro.console import QUIET
-from tendonrepro.evidence.fit import equally_good, fitted, rows_of_all
+from tendonrepro.evidence.fit import fitted, rows_of_all
 from tendonrepro.evidence.hypotheses import LINEAR, NTSM, PID, Hypothesis
 from tendonrepro.evidence.log import Log, read_logs, torque_rounding
-from tendonrepro.evidence.recover import RECOVERED, recover_controllers
+from tendonrepro.evidence.recover import NONE, RECOVERED, recover_controllers
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.physics.arm import gravity_torque
@@ -205,23 +205,20 @@ def _held(name: str, log: Log, record: dict[str, float]) -> Iterator[list[str]]:
         yield [key for key, holds in inside.items() if holds]
 
 
-def judged(name: str, log: Log, record: dict[str, float]) -> list[tuple[str, bool | None]]:
-    """For each joint `RIGHT`, `HALF`, `WRONG`, or what `recover` says; do intervals hold the truth?"""
+def judged(name: str, log: Log, record: dict[str, float]) -> list[str]:
+    """For each joint `RIGHT`, `HALF`, `WRONG`, or what `recover` says."""
     answers = []
-    file, published = file_of(log, record), load_config(None, "compare")
-    truth, weights = (None, "") if name in FOREIGN else truth_of(name)
-    for place, one in enumerate(recover_controllers(file, published, QUIET)):
-        fits = [fit.hypothesis for fit in equally_good(one.fits)] if one.fits else []
-        found, holds = one.answer, None
-        if one.prints_weights and name not in FOREIGN:
-            apart = np.abs(one.best.parameters[:2] - true_weights(weights)[:, place])
-            holds = bool((apart <= one.best.half[:2]).all())
-        if found == RECOVERED:
-            if name in FOREIGN:
-                found = HALF if getattr(one, "pid", None) else WRONG
-            else:
-                found = WRONG if one.weights != weights else RIGHT if truth in fits else HALF
-        answers.append((found, holds))
+    for one in recover_controllers(file_of(log, record), load_config(None, "compare"), QUIET):
+        found = one.answer
+        if found == RECOVERED and name in FOREIGN:
+            found = HALF if one.pid else WRONG
+        elif found == RECOVERED:
+            truth, weights = truth_of(name)
+            named = truth in [fit.hypothesis for fit in one.equal]
+            found = WRONG if one.weights != weights else RIGHT if named else HALF
+        elif found == NONE and name not in FOREIGN:
+            found = WRONG
+        answers.append(found)
     return answers
 
 
@@ -248,14 +245,12 @@ def main() -> None:
 
 
 def counted(runs: list[tuple[str, Log]], title: str) -> dict[str, int]:
-    """How often each answer was given, by joints, and how many of the intervals hold both weights."""
+    """How often each answer was given, by joints."""
     counts: Counter[str] = Counter()
     for name, log in runs:
         answers = judged(name, log, RECORDS[title])
         print(f"{title}: {name}: {answers}", file=sys.stderr, flush=True)
-        counts.update(answer for answer, _ in answers)
-        counts.update("intervals" for _, holds in answers if holds is not None)
-        counts.update("intervals hold" for _, holds in answers if holds)
+        counts.update(answers)
     return dict(counts)
 
 

@@ -43,7 +43,7 @@ def predict(
         "predict",
         loaded,
         identity_of(loaded, "evidence"),
-        lambda site, kept: predict_result(loaded, draws, names, site.talk, kept),
+        lambda site, kept: predict_result(loaded, draws, chosen, site.talk, kept),
         asked,
         cost=predicted_cost(loaded, len(chosen), draws),
     )

@@ -78,9 +78,8 @@ def draw_predictions(
     panels[0].set_yticks([group * step + middle for group in range(len(experiments))], labels)
     panels[0].set_ylim(step * len(experiments) - 1.0, -1.5)
     letter_panels(panels, [f"Joint {joint}" for joint in joints])
-    own = "as in your comparison" if told else ""
     handles = [
-        Line2D([], [], label=own if own and reading == PRINTED else in_words(reading), **_look(place))
+        Line2D([], [], label=_in_words(reading, experiments, told), **_look(place))
         for place, reading in enumerate(readings)
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=2)
@@ -91,6 +90,19 @@ def draw_predictions(
     )
     origin = f"Simulated, plants {told}" if told else "Simulated, tendonrepro predict"
     return Drawing("predictions", figure, list(panels), caption, origin=origin)
+
+
+def _in_words(reading: str, experiments: Sequence[Json], told: str) -> str:
+    """What the legend calls an interpretation, and whether its errors are of motors."""
+    words = "as in your comparison" if told and reading == PRINTED else in_words(reading)
+    # Results from before the end of November 2026 do not say it, but for the interpretation's name.
+    of_motors = any(
+        row.get("errors_of") == "motors"
+        for experiment in experiments
+        for row in experiment["ratios"]
+        if row["reading"] == reading
+    )
+    return f"{words}, errors of motors" if of_motors and "motors" not in words else words
 
 
 def _parts(about: str) -> list[str]:

@@ -11,7 +11,6 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 from scipy.optimize import leastsq, minimize_scalar
 
 from tendonrepro.arrays import Array
@@ -21,6 +20,7 @@ from tendonrepro.evidence.hypotheses import (
     NTSM,
     PID,
     Hypothesis,
+    Regression,
     coefficient_slopes,
     coefficients,
     hypotheses,
@@ -39,7 +39,9 @@ SAME = 1e-6
 DECISIVE = 10.0
 """Difference of the information criterion that counts as very strong evidence (Kass and Raftery 1995)."""
 KEPT = 10
-"""Hypotheses that are then fitted to all samples."""
+"""Least errors whose hypotheses are then fitted to all samples."""
+MOST_OF_ROUNDING = 2.0
+"""Square of what is left over that of white rounding, up to which it may be of rounding that alternates."""
 NINETY = 1.753
 """Quantile of Student's t for a central 90 % interval from `GROUPS` values."""
 CLOSE_TO_FREE = 1.05
@@ -95,15 +97,15 @@ class Fit:
     bias: float
 
     @property
-    def is_possible(self) -> bool:
-        """Whether M_bar is positive, and no weight beyond those of any interpretation."""
-        return bool(self.parameters[2] > 0.0 and np.abs(self.parameters[:2]).max() <= 2.0)
-
-    @property
     def off_published(self) -> float:
         """Distance of M_bar and feedback gains from the published ones, sum of logarithms."""
         ratio = self.parameters[2:] / _published(self.hypothesis)[2:]
         return float(np.abs(np.log(ratio)).sum()) if (ratio > 0.0).all() else float("inf")
+
+
+def possible(parameters: Array) -> bool:
+    """Whether M_bar is positive, and no weight beyond those of any interpretation."""
+    return bool(parameters[2] > 0.0 and np.abs(parameters[:2]).max() <= 2.0)
 
 
 def ranked(log: Log, joint: int, rounding: tuple[float, float] = (0.0, 0.0)) -> list[Fit]:
@@ -118,10 +120,12 @@ def ranked(log: Log, joint: int, rounding: tuple[float, float] = (0.0, 0.0)) -> 
         window, joint, [hypothesis for hypothesis in candidates if hypothesis.surface == LINEAR]
     )
     errors = [_held_out_error(window, joint, hypothesis, _least_squares, rows) for hypothesis in candidates]
-    order = np.argsort(errors, kind="stable")[:KEPT]
-    best = [candidates[k] for k in order if np.isfinite(errors[k])]
-    if not best:
+    # With free coefficients some are the same equation, and count as one.
+    sizes = np.round(np.log(np.maximum(errors, 1e-300)), 6)
+    order = [k for k in np.argsort(errors, kind="stable") if np.isfinite(sizes[k])]
+    if not order:
         return []
+    best = [candidates[k] for k in order if sizes[k] <= np.unique(sizes)[:KEPT][-1]]
     printed = [Hypothesis(NTSM), Hypothesis(LINEAR)]
     tried = list(dict.fromkeys([*printed, PID, *best]))
     if log.ddq_d[:, joint].any():
@@ -134,7 +138,7 @@ def ranked(log: Log, joint: int, rounding: tuple[float, float] = (0.0, 0.0)) -> 
         bases = list(dict.fromkeys([*printed, best[0]]))
         if with_filters := [filtered for base in bases for filtered in _filtered(window, joint, base)]:
             fits = _fitted_alike(log, joint, [*tried, *with_filters], rounding)
-    fits = [fit for fit in fits if fit.is_possible] or fits
+    fits = [fit for fit in fits if possible(fit.parameters)] or fits
     equal = equally_good(fits)
     # phi(k e; k Delta) = k^b phi(e; Delta): Delta and phi in degrees differ in eta alone. Gains decide.
     return sorted(
@@ -163,7 +167,14 @@ def _fitted_alike(
 ) -> list[Fit]:
     """Fits of hypotheses to the samples that all of them can foretell."""
     rows = rows_of_all(log, joint, tried)
-    return [fitted(log, joint, hypothesis, rounding, rows) for hypothesis in tried]
+    solved = []
+    for hypothesis in tried:
+        refined = _with_best_cutoff(log, joint, hypothesis, rows) if hypothesis.newest < 1.0 else hypothesis
+        _, parameters, information = _solution(log, joint, refined, rows)
+        solved.append((not possible(parameters), information, refined))
+    # Intervals take longest, and none asks for those of hypotheses that come far behind.
+    best = sorted(solved, key=lambda one: one[:2])[: 2 * KEPT]
+    return [fitted(log, joint, hypothesis, rounding, rows) for *_, hypothesis in best]
 
 
 def equally_good(fits: Sequence[Fit]) -> list[Fit]:
@@ -175,47 +186,89 @@ def equally_good(fits: Sequence[Fit]) -> list[Fit]:
 
 def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, float], rows: Rows) -> Fit:
     """Fit a hypothesis to samples of a joint; see :func:`ranked`."""
-    if hypothesis.newest < 1.0:
-        hypothesis = _with_best_cutoff(log, joint, hypothesis, rows)
     whole, parameters, information = _solution(log, joint, hypothesis, rows)
     regressed = regression(log, joint, hypothesis).of(rows)
-    columns = regressed.X
+    columns = np.column_stack([regressed.X, regressed.y])
+    parts = _without_each(columns)
+    near, nears = parameters, parts
     if hypothesis.newest < 1.0:
         # The cutoff was fitted, too: intervals count what it moves.
-        columns = np.column_stack([columns, _cutoff_slope(log, joint, hypothesis, rows, parameters)])
-    factors = [_factor(*part) for part in zip(*map(_stretches, (columns, regressed.y)), strict=True)]
-    near = np.append(parameters, np.zeros(columns.shape[1] - regressed.X.shape[1]))
-    left_out = np.stack(
-        [_solved(_stacked(factors[:k] + factors[k + 1 :]), hypothesis, near) for k in range(len(factors))]
-    )[:, : parameters.size]
-    samples = len(regressed.y)
-    torque, angle = rounding
-    # Of a step the variance is a twelfth of its square; an acceleration has six of the angle's, over L^4.
-    errors = torque**2 / 12.0, 6.0 * angle**2 / 12.0 / log.L**4
+        slope = _cutoff_slope(log, joint, hypothesis, rows, parameters)
+        near, nears = np.append(parameters, 0.0), _without_each(np.insert(columns, -1, slope, axis=1))
+    left_out = np.stack([_solved(part, hypothesis, near) for part in nears])[:, : parameters.size]
     residual = _held_out_error(log, joint, hypothesis, _by_parameters, rows)
     step = float(np.sqrt(np.nanmean(np.diff(log.command[:, joint]) ** 2)))
-    if residual <= SAME * step:
-        errors = 0.0, 0.0
     scaled = whole[:, :-1] / _sizes(whole[:, :-1])
     # What is zero throughout, such as the acceleration of a ramp, is no regressor.
     scaled = scaled[:, scaled.any(axis=0)]
+    without, without_left_out = parameters, left_out
+    if residual > SAME * step and any(rounding):
+        errors = rows.size * _errors_of(regressed, parameters, hypothesis, rounding, log.L)
+        without = _without_errors(whole, errors, hypothesis)
+        share = 1.0 - 1.0 / GROUPS
+        without_left_out = np.stack(
+            [_without_errors(part, share * errors, hypothesis, without) for part in parts]
+        )
     # Errors may sit in what the controller remembered, or not: intervals have both answers.
-    without = _without_errors(whole, parameters, hypothesis, samples, errors)
-    gain, moved = error_gain_of(parameters, hypothesis), np.abs(without - parameters)
-    gain_half = jackknife_half_width(error_gain_of(left_out, hypothesis))
+    half = _half_width(parameters, left_out, without, without_left_out)
+    gain, *gains = (
+        error_gain_of(values, hypothesis) for values in (parameters, left_out, without, without_left_out)
+    )
     return Fit(
         hypothesis=hypothesis,
         parameters=parameters,
-        half=jackknife_half_width(left_out) + moved,
+        half=half,
         error_gain=float(gain),
-        error_gain_half=float(gain_half + np.abs(error_gain_of(without, hypothesis) - gain)),
+        error_gain_half=float(_half_width(gain, *gains)),
         residual=residual,
         step=step,
         information=information,
         condition=float(np.linalg.cond(scaled)),
-        samples=samples,
-        bias=float(moved[:2].max()),
+        samples=rows.size,
+        bias=float(np.abs(without - parameters)[:2].max()),
     )
+
+
+def _half_width(values: Array, left_out: Array, without: Array, without_left_out: Array) -> Array:
+    """Half the interval around values that has theirs, and that of other values."""
+    other = np.abs(without - values) + jackknife_half_width(without_left_out)
+    return np.maximum(jackknife_half_width(left_out), other)
+
+
+def _without_each(columns: Array) -> list[Array]:
+    """Triangular factors of samples, with one of `GROUPS` stretches left out each."""
+    factors = [np.linalg.qr(part, mode="r") for part in np.array_split(columns, GROUPS)]
+    return [np.linalg.qr(np.vstack(factors[:k] + factors[k + 1 :]), mode="r") for k in range(GROUPS)]
+
+
+def _errors_of(
+    regressed: Regression, parameters: Array, hypothesis: Hypothesis, rounding: tuple[float, float], L: float
+) -> Array:
+    """Mean products of the errors of rounding in the columns of regressors, and of the torque behind them.
+
+    Of a step the variance is a twelfth of its square; an acceleration has six of the angle's, over L^4.
+    """
+    torque, angle = (step**2 / 12.0 for step in rounding)
+    products = np.zeros([regressed.X.shape[1] + 1] * 2)
+    products[[0, 1], [0, 1]], products[[2, 3], [2, 3]] = torque, 6.0 * angle / L**4
+    if angle or not hypothesis.remembers_commands:
+        return products
+    # Where an encoder's step moves the torque by nearly whole or half steps, errors of rounding follow one
+    # another. What is left, n_0 - w_1 n_1 - w_2 n_2, has their mean products at one and two delays.
+    left, lag = regressed.y - regressed.X @ coefficients(parameters, hypothesis), hypothesis.lag
+    w_1, w_2 = parameters[:2]
+    follow = np.isin(regressed.rows - lag, regressed.rows)
+    before = np.searchsorted(regressed.rows, regressed.rows[follow] - lag)
+    square, product = np.mean(left**2), np.mean(left[follow] * left[before])
+    white = 1.0 + w_1**2 + w_2**2
+    if square > MOST_OF_ROUNDING * white * torque:
+        return products
+    known = np.array([square - white * torque, product + (w_1 - w_1 * w_2) * torque])
+    of_products = [[2.0 * w_1 * (w_2 - 1.0), -2.0 * w_2], [white - w_2, w_1 * (w_2 - 1.0)]]
+    one, two = np.linalg.lstsq(np.array(of_products), known, rcond=None)[0]
+    products[0, 1] = products[1, 0] = products[0, -1] = products[-1, 0] = one
+    products[1, -1] = products[-1, 1] = two
+    return products
 
 
 def _solution(log: Log, joint: int, hypothesis: Hypothesis, rows: Rows) -> tuple[Array, Array, float]:
@@ -258,6 +311,8 @@ def _cutoff_slope(log: Log, joint: int, hypothesis: Hypothesis, rows: Rows, para
 
 def jackknife_half_width(left_out: Array) -> Array:
     """Half the 90 % interval by the jackknife, from values with one group left out each."""
+    if not np.isfinite(left_out).all():
+        return np.full(left_out.shape[1:], np.inf)
     return np.asarray(NINETY * np.sqrt((len(left_out) - 1) * left_out.var(axis=0)))
 
 
@@ -276,33 +331,19 @@ def _remembered(parameters: Array, hypothesis: Hypothesis) -> Array:
     return weights
 
 
-def _without_errors(
-    factor: Array, parameters: Array, hypothesis: Hypothesis, samples: int, errors: tuple[float, float]
-) -> Array:
-    """Parameters that fit best where remembered torques and accelerations have errors of given variances.
+def _without_errors(factor: Array, errors: Array, hypothesis: Hypothesis, near: Array | None = None) -> Array:
+    """Parameters that fit best where errors have added `errors` to the products of columns.
 
-    What a fit leaves beyond these is taken for an error of the newest torque alone.
+    They are infinite where the columns are nothing but errors.
     """
-    matrix, target = factor[:, :-1], factor[:, -1]
-    variance, values = np.zeros(matrix.shape[1]), coefficients(parameters, hypothesis)
-    variance[:2], variance[2:4] = errors
-    own = max(_residual(factor, values) ** 2 / samples - float(values**2 @ variance), errors[0])
-    if not (own and variance.any()):
-        return parameters
-
-    def misses(x: Array) -> Array:
-        values = coefficients(x, hypothesis)
-        return np.asarray((target - matrix @ values) / np.sqrt(own + values**2 @ variance))
-
-    def slopes(x: Array) -> Array:
-        values, by_parameter = coefficients(x, hypothesis), coefficient_slopes(x, hypothesis)
-        size = own + values**2 @ variance
-        lighter = np.outer(misses(x), by_parameter.T @ (variance * values)) / size
-        return np.asarray(-(matrix @ by_parameter) / np.sqrt(size) - lighter)
-
-    scale = 1.0 / np.maximum(np.abs(parameters), 1e-3)
-    # With the full output it gives no warning where arithmetic ends it.
-    return np.asarray(leastsq(misses, parameters, Dfun=slopes, full_output=True, diag=scale, xtol=1e-10)[0])
+    scale = _sizes(factor)
+    if near is not None and not np.isfinite(near).all():
+        return near
+    try:
+        without = np.linalg.cholesky((factor.T @ factor - errors) / np.outer(scale, scale)).T * scale
+    except np.linalg.LinAlgError:
+        return np.full(5, np.inf)
+    return _solved(without, hypothesis, near)
 
 
 def _held_out_error(log: Log, joint: int, hypothesis: Hypothesis, solve: Solve, rows: Rows) -> float:
@@ -342,7 +383,7 @@ def _filtered(log: Log, joint: int, hypothesis: Hypothesis) -> Iterator[Hypothes
         def error(logit: float, place: tuple[str, str] = place, rows: Rows = rows) -> float:
             filtered = hypothesis.beside(place, _newest(logit))
             # A log may be too short, which is worse than any fit.
-            return min(_held_out_error(log, joint, filtered, _by_parameters, rows), 1e9)
+            return min(_held_out_error(log, joint, filtered, _least_squares, rows), 1e9)
 
         k = int(np.argmin([error(x) for x in grid]))
         low, high = grid[max(k - 1, 0)], grid[min(k + 1, 8)]
@@ -372,23 +413,22 @@ def _solved(factor: Array, hypothesis: Hypothesis, near: Array | None = None) ->
     """
     matrix, target = factor[:, :-1], factor[:, -1]
     starts = [near] if near is not None else _starts(factor, hypothesis)
-    more, enough = (
-        np.eye(len(starts[0]) - 5),
-        np.sqrt(CLOSE_TO_FREE) * _residual(factor, _least_squares(factor, hypothesis)),
-    )
+    enough = np.sqrt(CLOSE_TO_FREE) * _residual(factor, _least_squares(factor, hypothesis))
 
     def misses(x: Array) -> Array:
         return target - matrix @ np.append(coefficients(x[:5], hypothesis), x[5:])
 
     def slopes(x: Array) -> Array:
-        return -matrix @ block_diag(coefficient_slopes(x[:5], hypothesis), more)
+        by_parameter = coefficient_slopes(x[:5], hypothesis)
+        own = len(by_parameter)
+        return -np.column_stack([matrix[:, :own] @ by_parameter, matrix[:, own:]])
 
     best, least = starts[-1], np.inf
     for start in starts:
         scale = np.maximum(np.abs(start), 1e-3)
         # MINPACK without the layers of `least_squares`, which take three times as long as the work.
         solution, _, details, _, _ = leastsq(
-            misses, start, Dfun=slopes, full_output=True, diag=1.0 / scale, xtol=1e-14, ftol=1e-14, gtol=1e-14
+            misses, start, Dfun=slopes, full_output=True, diag=1.0 / scale, xtol=1e-10, ftol=1e-10, gtol=1e-10
         )
         left = float(np.linalg.norm(details["fvec"]))
         if left < least:
@@ -420,15 +460,5 @@ def _residual(factor: Array, coefficients_of: Array) -> float:
     return float(np.linalg.norm(factor[:, -1] - factor[:, :-1] @ coefficients_of))
 
 
-def _stacked(factors: Sequence[Array]) -> Array:
-    """Triangular factor of samples that factors stand for."""
-    return np.asarray(np.linalg.qr(np.vstack(factors), mode="r"))
-
-
 def _factor(X: Array, y: Array) -> Array:
     return np.asarray(np.linalg.qr(np.column_stack([X, y]), mode="r"))
-
-
-def _stretches(values: Array) -> list[Array]:
-    """Parts of neighbouring samples, as many as are left out in turn."""
-    return np.array_split(values, GROUPS)

@@ -77,6 +77,19 @@ class Hypothesis:
         return self.surface == LINEAR and self.newest == 1.0 and apart == {"differencing"}
 
     @property
+    def lag(self) -> int:
+        """Samples in the delay time."""
+        return PERIODS[self.readings["delay_time"]]
+
+    @property
+    def remembers_commands(self) -> bool:
+        """Whether the torques that it remembers are those it commanded, neither late nor filtered."""
+        return (
+            self.readings["output_delay"] == "0"
+            and self.readings["estimate_filter"] == PRINTED["estimate_filter"]
+        )
+
+    @property
     def name(self) -> str:
         """``printed``, or the settings joined by ``+``."""
         return "+".join(f"{axis}={value}" for axis, value in self.settings) or "printed"
@@ -138,7 +151,7 @@ def regression(log: Log, joint: int, hypothesis: Hypothesis) -> Regression:
     and the error's rate with the error, or with ``phi_slope`` times the rate and ``phi``.
     """
     readings, i = hypothesis.readings, joint
-    lag, L = PERIODS[readings["delay_time"]], log.L
+    lag, L = hypothesis.lag, log.L
     q = log.q[:, i] if readings["feedback"] == "joint" or log.q_motor is None else log.q_motor[:, i]
     command, stored = _torques(log, readings, i)
     step = lag * L

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from tendonrepro.arrays import Array
@@ -163,7 +162,7 @@ EXPERIMENTS = (
     BenchExperiment("period_doubled", "Controller 1 with L doubled", partial(_run, DOUBLED_PERIOD)),
     BenchExperiment("payload", "Controller 1 with 0.2 kg over without", partial(_run, LOADED)),
     BenchExperiment(
-        "other_encoders", "Controller 1 with the motors' encoders over the joints'", _other_encoders
+        "other_encoders", "Controller 1 on the other encoders, errors by these, over its own", _other_encoders
     ),
 )
 
@@ -202,12 +201,15 @@ Gaps: TypeAlias = Mapping[tuple[str, str], float]
 class Prediction:
     """Ratio of errors of one experiment, reading and joint.
 
-    ``low`` and ``high`` are the central 90 % of the plants on which both runs are stable; NaN with few.
+    ``errors_of`` says whose errors are divided: ``joints``, ``motors`` where the law looks at the motors'
+    encoders, in joint coordinates, or one over the other. ``low`` and ``high`` are the central 90 % of the
+    plants on which both runs are stable; NaN with few.
     """
 
     experiment: str
     reading: str
     joint: int
+    errors_of: str
     plants: int
     median: float
     low: float
@@ -222,17 +224,13 @@ def predicted_cost(loaded: LoadedEnsemble, readings: int, draws: int) -> dict[st
 
 
 def predictions(
-    loaded: LoadedEnsemble,
-    readings: Sequence[Reading],
-    draws: int,
-    talk: Talk,
-    files: Path | None = None,
+    loaded: LoadedEnsemble, readings: Sequence[Reading], draws: int, talk: Talk, files: Path | None = None
 ) -> Iterator[Prediction]:
     """Yield every experiment's ratio under every reading on every joint.
 
     With a folder for `files`, what was simulated is kept there, and taken up again.
     """
-    joints, experiments = loaded.compare.joints, experiments_on(loaded)
+    experiments = experiments_on(loaded)
     base = [run for run in RUNS if run in loaded.compare.runs]
     names = [*dict.fromkeys(experiment.error for experiment in experiments)]
     runs = len(base) + len(experiments)
@@ -244,10 +242,19 @@ def predictions(
                 kept(rows)
                 progress(len(rows))
             columns = kept.table[:, values.shape[1] :]
-            status, sizes = columns[:, :runs], columns[:, runs:].reshape(draws, len(names), runs, -1)
-            by_name = np.moveaxis(sizes, 1, 0)
-            errors, stable = dict(zip(names, by_name, strict=True)), status == STATUSES.index("ok")
-            yield from error_ratios(experiments, base, errors, stable, reading.name, joints)
+            stable = columns[:, :runs] == STATUSES.index("ok")
+            sizes = columns[:, runs:].reshape(draws, len(names), runs, -1)
+            errors = dict(zip(names, np.moveaxis(sizes, 1, 0), strict=True))
+            of_motors = [law_in(loop).motor_side for loop in loops_of_plants(loaded, values[:1], reading)]
+            for place, experiment in enumerate(experiments, start=len(base)):
+                pair = [place, base.index(experiment.beside)]
+                both = stable[:, pair].all(axis=1)
+                above, below = np.moveaxis(errors[experiment.error][both][:, pair], 1, 0)
+                whose = " over ".join(dict.fromkeys("motors" if of_motors[run] else "joints" for run in pair))
+                for joint, ratio in zip(loaded.compare.joints, (above / below).T, strict=True):
+                    spread = np.quantile(ratio, (0.5, 0.05, 0.95)) if ratio.size >= LEAST else [np.nan] * 3
+                    ends = map(float, spread)
+                    yield Prediction(experiment.name, reading.name, joint, whose, ratio.size, *ends)
 
 
 def _simulated(loaded: LoadedEnsemble, reading: Reading, names: Sequence[str], values: Array) -> Array:
@@ -266,31 +273,12 @@ def loops_of_plants(loaded: LoadedEnsemble, values: Array, reading: Reading) -> 
     if any(experiment.name == "period_doubled" for experiment in experiments):
         slower = Reading(DOUBLED_PERIOD, (*reading.settings, ("sampling_period", "2ms")))
         cases[DOUBLED_PERIOD] = FIRST, slower
-    drawn = plants.loops(values, [*cases.values()])
     # What experiments ask of readings, no draw decides.
     readings = under(reading, loaded.compare, plants.named(values[0])).control.readings
-    for of_plant in drawn:
+    for of_plant in plants.loops(values, [*cases.values()]):
         loops = dict(zip(cases, of_plant, strict=True))
         yield from (loops[run] for run in runs)
         yield from (experiment.change(loops, readings) for experiment in experiments)
-
-
-def error_ratios(
-    experiments: Sequence[BenchExperiment],
-    base: Sequence[str],
-    errors: Mapping[str, Array],
-    stable: NDArray[np.bool_],
-    reading: str,
-    joints: Sequence[int],
-) -> Iterator[Prediction]:
-    """Ratios from errors (N, runs, n) by name, and stability (N, runs); runs are `base`, then experiments."""
-    for place, experiment in enumerate(experiments, start=len(base)):
-        beside = base.index(experiment.beside)
-        kept = stable[:, place] & stable[:, beside]
-        for i, joint in enumerate(joints):
-            ratio = errors[experiment.error][kept, place, i] / errors[experiment.error][kept, beside, i]
-            spread = np.quantile(ratio, (0.5, 0.05, 0.95)) if kept.sum() >= LEAST else np.full(3, np.nan)
-            yield Prediction(experiment.name, reading, joint, int(kept.sum()), *map(float, spread))
 
 
 def gaps_between(predicted: Sequence[Prediction], readings: Sequence[str]) -> dict[str, Gaps]:
@@ -298,33 +286,15 @@ def gaps_between(predicted: Sequence[Prediction], readings: Sequence[str]) -> di
 
     Pairs that overlap have a negative gap, and pairs with an unknown range none.
     """
+    joints = dict.fromkeys(row.joint for row in predicted)
+    ends = {(row.experiment, row.reading, row.joint): (row.low, row.high) for row in predicted}
     by_experiment: dict[str, Gaps] = {}
-    for experiment in dict.fromkeys(row.experiment for row in predicted):
-        rows = {(row.reading, row.joint): row for row in predicted if row.experiment == experiment}
-        joints = dict.fromkeys(joint for _, joint in rows)
-        gaps = {
-            (a, b): max(_gap(rows[a, joint], rows[b, joint]) for joint in joints)
-            for a, b in combinations(readings, 2)
-        }
-        by_experiment[experiment] = {pair: gap for pair, gap in gaps.items() if gap > -np.inf}
+    for name in dict.fromkeys(row.experiment for row in predicted):
+        gaps = {}
+        for pair in combinations(readings, 2):
+            lows, highs = np.array([[ends[name, reading, joint] for reading in pair] for joint in joints]).T
+            apart = lows.max(axis=0) - highs.min(axis=0)
+            if not np.isnan(apart).all():
+                gaps[pair] = float(np.nanmax(apart))
+        by_experiment[name] = gaps
     return by_experiment
-
-
-def told_apart(gaps: Mapping[str, Gaps]) -> dict[str, Gaps]:
-    """Pairs of readings that each experiment tells apart, with their gaps."""
-    return {name: {pair: gap for pair, gap in by_pair.items() if gap > 0.0} for name, by_pair in gaps.items()}
-
-
-def never_told_apart(gaps: Mapping[str, Gaps], readings: Sequence[str]) -> list[list[str]]:
-    """Pairs of readings that no experiment tells apart, of those with a known gap."""
-    widest: dict[tuple[str, str], float] = {}
-    for by_pair in gaps.values():
-        for pair, gap in by_pair.items():
-            widest[pair] = max(gap, widest.get(pair, gap))
-    return [[*pair] for pair in combinations(readings, 2) if widest.get(pair, 1.0) <= 0.0]
-
-
-def _gap(a: Prediction, b: Prediction) -> float:
-    """Gap between two ranges; negative where they meet, minus infinity where one is unknown."""
-    gap = max(a.low, b.low) - min(a.high, b.high)
-    return gap if np.isfinite([a.low, b.low]).all() else -np.inf

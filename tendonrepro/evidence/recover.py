@@ -126,7 +126,8 @@ class RecoveredController:
         balanced = balance <= CLOSE + self.best.half[:2].sum()
         fine = self.rounding <= COARSE
         allowed = max(FAITHFUL, 3.0 * self.rounding) if fine else FAITHFUL
-        if self.best.bias > CLOSE:
+        # Rounding is in the intervals: where these leave one interpretation, it does not matter.
+        if self.best.bias > CLOSE and not self.nearest_weights:
             return UNTOLD
         if balanced and self.unexplained <= allowed:
             # Weights that no interpretation has come from noise, unless the log is exact.

@@ -13,4 +13,4 @@ def test_a_log_of_the_paper_s_controller_is_judged_on_both_joints(recovery: Modu
     assert name == "controller_1 printed"
     answers = recovery.judged(name, log, recovery.RECORDS["all digits"])
     assert len(answers) == 2
-    assert recovery.WRONG not in dict(answers)
+    assert recovery.WRONG not in answers

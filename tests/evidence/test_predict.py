@@ -20,9 +20,8 @@ from tendonrepro.configuration.models.control import FIRST, RUNS, SECOND, THIRD
 from tendonrepro.configuration.models.experiment import CompareRun
 from tendonrepro.configuration.models.readings import Reading, named_readings, parse_reading, under
 from tendonrepro.configuration.quantity import Moving
-from tendonrepro.console import QUIET, Talk
-from tendonrepro.errors import UsageError
-from tendonrepro.evidence import predict, predict_report
+from tendonrepro.console import QUIET
+from tendonrepro.evidence import predict
 from tendonrepro.evidence.figure_predictions import draw_predictions
 from tendonrepro.evidence.predict import (
     DOUBLED_PERIOD,
@@ -31,14 +30,18 @@ from tendonrepro.evidence.predict import (
     experiments_on,
     gaps_between,
     law_in,
-    never_told_apart,
-    told_apart,
     with_alpha,
 )
-from tendonrepro.evidence.predict_report import READINGS, default_readings_on, predict_result
+from tendonrepro.evidence.predict_report import (
+    READINGS,
+    default_readings_on,
+    predict_result,
+    prediction_tables,
+)
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.population import population_of
-from tendonrepro.results.tables import Table
+from tendonrepro.physics.metrics import STATUSES
+from tendonrepro.results.figures.style import Drawing
 from tendonrepro.simulation.batch import Batch, simulate_batch
 from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
@@ -53,19 +56,6 @@ LOOPS[DOUBLED_PERIOD] = dict(build_loops(SLOWER, LOADED.base.folder))[FIRST]
 BY_NAME = {one.name: one for one in EXPERIMENTS}
 BOX = population_of(LOADED)
 NOMINAL = BOX.named(BOX.nominal)
-
-
-def test_the_estimates_age_and_the_inertia_set_the_ratios(monkeypatch: pytest.MonkeyPatch) -> None:
-    """e = w L dH / (M_bar lam k): no plant enters."""
-    expected = {f"alpha_{alpha:g}": (1.0 + alpha, 0.03) for alpha in (0.1, 0.2, 0.3)}
-    expected |= {"inertia_up": (1.0 / 1.1, 0.02), "same_slope": (1.0, 0.01)}
-    monkeypatch.setattr(predict, "EXPERIMENTS", [BY_NAME[name] for name in expected])
-    monkeypatch.setattr(predict, "LEAST", 5)
-    found = list(predict.predictions(LOADED, named_readings("encoder=ideal"), 16, QUIET))
-    assert len(found) == 2 * len(expected)
-    for row in found:
-        ratio, tolerance = expected[row.experiment]
-        assert row.median == pytest.approx(ratio, rel=tolerance)
 
 
 @pytest.mark.parametrize(("reading", "is_one"), [("printed", True), ("eta_in_controller_2=dropped", False)])
@@ -124,38 +114,6 @@ def _beside(run: CompareRun) -> CompareRun:
     return run.model_copy(update={"start_offset": offset})
 
 
-def test_loops_of_a_plant_are_those_of_its_configuration() -> None:
-    """The array way to a plant gives what its configuration gives; at twice the period, too."""
-    row = BOX.sample(7, 0, 0, 1)
-    reading = parse_reading("weights=extrapolating")
-    config = under(reading, BOX.configured(row[0]), BOX.named(row[0]))
-    slower = under(parse_reading("sampling_period=2ms"), config, {})
-    expected = dict(build_loops(config, LOADED.base.folder))
-    expected[DOUBLED_PERIOD] = dict(build_loops(slower, LOADED.base.folder))[FIRST]
-    given = [*predict.loops_of_plants(LOADED, row, reading)]
-    assert len(given) == len(RUNS) + len(EXPERIMENTS)
-    names = [one.name for one in EXPERIMENTS]
-    shown = [
-        (given[0], expected[FIRST]),
-        (given[len(RUNS) + names.index("period_doubled")], expected[DOUBLED_PERIOD]),
-        (given[len(RUNS) + names.index("alpha_0.3")], with_alpha(0.3, expected, config.control.readings)),
-    ]
-    both = [loop for pair in shown for loop in pair]
-    errors = simulate_batch(both).statistics["mae"]
-    assert (errors[0::2] == errors[1::2]).all()
-
-
-def test_an_error_without_the_start_is_that_of_both_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The ratio with the first two seconds left out is that of the statistics without them."""
-    errors = {"mae": np.ones((20, 5, 2)), "mae_settled": np.full((20, 5, 2), 2.0)}
-    errors["mae_settled"][:, 4] = 3.0
-    monkeypatch.setattr(predict, "EXPERIMENTS", [BY_NAME["controllers_1_2_late"]])
-    found = predict.error_ratios(
-        predict.EXPERIMENTS, RUNS, errors, np.ones((20, 5), dtype=np.bool_), "printed", (2, 3)
-    )
-    assert [row.median for row in found] == [1.5, 1.5]
-
-
 def test_ramps_keep_their_corners_at_half_the_speed() -> None:
     changed = ["reference.kind=ramp", "reference.rise=2.3", "reference.hold=1.5"]
     loaded = load_config("plain", "compare", overrides=changed)
@@ -165,90 +123,6 @@ def test_ramps_keep_their_corners_at_half_the_speed() -> None:
     assert set(np.unique(slow.reference.dq_d)) == set(np.unique(0.5 * first.reference.dq_d))
     steps = np.diff(slow.reference.q_d, axis=0) / slow.L
     assert slow.reference.dq_d[:-1] == pytest.approx(steps, abs=1e-9)
-
-
-def test_readings_are_told_apart_by_ranges_that_do_not_meet() -> None:
-    def row(reading: str, joint: int, low: float, high: float) -> Prediction:
-        return Prediction("x", reading, joint, 50, low, low, high)
-
-    rows = [row("a", 2, 1.0, 1.2), row("b", 2, 1.1, 1.3), row("c", 2, 1.25, 1.4)]
-    gaps = gaps_between(rows, ["a", "b", "c"])
-    assert told_apart(gaps) == {"x": {("a", "c"): pytest.approx(0.05)}}
-    assert never_told_apart(gaps, ["a", "b", "c"]) == [["a", "b"], ["b", "c"]]
-    other_joint = [row("a", 3, 1.0, 1.2), row("c", 3, 1.4, 1.5)]
-    assert gaps_between([rows[0], rows[2], *other_joint], ["a", "c"])["x"]["a", "c"] == pytest.approx(0.2)
-    unknown = gaps_between([rows[0], row("b", 2, np.nan, np.nan), rows[2]], ["a", "b", "c"])
-    assert [*unknown["x"]] == [("a", "c")]
-    assert never_told_apart(unknown, ["a", "b", "c"]) == []
-
-
-def test_killed_among_the_plants_it_goes_on_and_ends_with_the_same_bytes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    calls: list[int] = []
-
-    def counting(loops: Sequence[Loop], **_: int) -> Batch:
-        calls.append(len(loops))
-        if len(calls) == deadly:
-            raise KeyboardInterrupt
-        sizes = 1.0 + 0.01 * np.sin(np.arange(2.0 * len(loops)).reshape(-1, 2) + min(len(calls), 4))
-        status, ends = np.zeros(len(loops), np.int8), np.ones(len(loops))
-        return Batch(dict.fromkeys(STATISTICS, sizes), status, ends, np.full(len(loops), 2), None)
-
-    deadly = 0
-    monkeypatch.setattr(predict, "simulate_batch", counting)
-    asked = {"readings": "printed,weights=extrapolating", "figures": False}
-    manifest = tr.predict(32, out=tmp_path / "whole", **asked).manifest
-    assert manifest["solver"] == {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
-    assert len(calls) == 4
-    calls[:], deadly = [], 4
-    with pytest.raises(KeyboardInterrupt):
-        tr.predict(32, out=tmp_path / "killed", **asked)
-    assert not (tmp_path / "killed" / "predict.json").exists()
-    tr.predict(32, out=tmp_path / "killed", **asked)
-    assert len(calls) == 5
-    whole, killed = ((tmp_path / name / "predict.json").read_bytes() for name in ("whole", "killed"))
-    assert whole == killed
-
-
-def test_too_few_plants_are_dashes_and_no_findings() -> None:
-    found = [
-        Prediction(one.name, reading, joint, 5, np.nan, np.nan, np.nan)
-        for one in EXPERIMENTS
-        for reading in ("a", "b")
-        for joint in (2, 3)
-    ]
-    _, experiments, untold, _ = predict_report.prediction_tables(
-        found, gaps_between(found, ["a", "b"]), [], "20 plants", EXPERIMENTS
-    )
-    for table in (experiments, untold):
-        assert isinstance(table, Table)
-        numbers = [value for row in table.rows for key, value in row.items() if key != "experiment"]
-        assert {*numbers} == {None}
-
-
-def test_each_panel_shows_the_ratios_of_its_joint() -> None:
-    numbers = {2: {"low": 0.6, "median": 0.8, "high": 0.9}, 3: {"low": 1.1, "median": 1.3, "high": 1.6}}
-    ratios = [{"reading": "printed", "joint": joint, **held} for joint, held in numbers.items()]
-    panels = draw_predictions([{"about": "x", "ratios": ratios}], ["printed"], [2, 3]).axes
-    for panel, held in zip(panels, numbers.values(), strict=True):
-        _, span, middle = (list(line.get_xdata()) for line in panel.lines)
-        assert [*span, *middle] == [held["low"], held["high"], held["median"]]
-
-
-def test_interpretations_of_the_default_look_different() -> None:
-    names = READINGS.split(",")
-    numbers = {"low": 0.6, "median": 0.8, "high": 0.9}
-    ratios = [{"reading": name, "joint": 2, **numbers} for name in names]
-    drawn = draw_predictions([{"about": one.about, "ratios": ratios} for one in EXPERIMENTS], names, [2])
-    (legend,) = drawn.figure.legends
-    # A caption fits below it on a page of A4, and no code of an interpretation is left.
-    assert drawn.figure.get_size_inches()[1] * 25.4 <= 245.0
-    assert not [text.get_text() for text in legend.get_texts() if re.search(r"\w=|_", text.get_text())]
-    shown = drawn.axes[0].lines[1 : 1 + 2 * len(names)]
-    for lines in (legend.get_lines(), shown[1::2]):
-        looks = {(line.get_color(), line.get_marker(), line.get_markerfacecolor()) for line in lines}
-        assert len(looks) == len(names)
 
 
 @pytest.mark.slow
@@ -301,26 +175,129 @@ def test_at_twice_the_period_an_arm_of_ones_own_follows_the_same_motion(tmp_path
     assert doubled.reference.q_d == pytest.approx(first.reference.q_d[::2], abs=1e-12)
 
 
-def test_a_number_that_is_no_power_of_two_is_told(capsys: pytest.CaptureFixture[str]) -> None:
-    for draws in (32, 20):
-        with pytest.raises(UsageError):
-            predict_result(load_ensemble(None), draws, "nonsense", Talk())
-        assert ("32" in capsys.readouterr().err) == (draws == 20)
+def sized(loops: Sequence[Loop], **_: int) -> Batch:
+    """Errors of a thousand, the run's place and some of the plant's; without the start twice that."""
+    runs = len(RUNS) + len(predict.EXPERIMENTS)
+    sizes = 1000.0 + np.arange(len(loops)) % runs + 0.01 * (np.arange(len(loops)) // runs)
+    errors = np.stack([sizes, sizes], axis=1)
+    statistics = dict.fromkeys(STATISTICS, errors) | {"mae_settled": 2.0 * errors + 1.0}
+    status = np.where(np.arange(len(loops)) == 0, STATUSES.index("diverged"), 0).astype(np.int8)
+    return Batch(statistics, status, np.ones(len(loops)), np.full(len(loops), 2), None)
 
 
-@pytest.mark.parametrize("names", [["printed"], ["printed", "phi_branch=power"]])
-def test_labels_of_experiments_stay_apart(names: list[str]) -> None:
-    numbers = {"low": 0.6, "median": 0.8, "high": 0.9}
-    ratios = [{"reading": name, "joint": 2, **numbers} for name in names]
-    drawn = draw_predictions([{"about": one.about, "ratios": ratios} for one in EXPERIMENTS], names, [2])
-    drawn.figure.draw_without_rendering()
-    boxes = [label.get_window_extent() for label in drawn.axes[0].get_yticklabels()]
+def test_a_ratio_is_that_of_its_two_runs_on_plants_where_both_are_stable(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of the first plant of each batch the first run diverges."""
+    monkeypatch.setattr(predict, "simulate_batch", sized)
+    found = list(predict.predictions(LOADED, named_readings("printed,feedback=motor"), 32, QUIET))
+    rows = {(row.reading, row.experiment): row for row in found if row.joint == 3}
+    plants = {name: rows["printed", name].plants for name in ("inertia_up", "controllers_2_3")}
+    assert plants == {"inertia_up": 30, "controllers_2_3": 32}
+    names = [one.name for one in EXPERIMENTS]
+    place, low = len(RUNS) + names.index("controllers_2_3_late"), rows["printed", "controllers_2_3_late"].low
+    third = RUNS.index(THIRD)
+    assert (2001.0 + 2 * place) / (2001.3 + 2 * third) <= low <= (2001.3 + 2 * place) / (2001.0 + 2 * third)
+    # A motor's error is told as one.
+    whose = {key: row.errors_of for key, row in rows.items()}
+    assert whose["printed", "alpha_0.2"] == "joints"
+    assert whose["feedback=motor", "alpha_0.2"] == "motors"
+    assert whose["printed", "other_encoders"] == "motors over joints"
+    assert whose["feedback=motor", "other_encoders"] == "joints over motors"
+
+
+def test_the_estimates_age_and_the_inertia_set_the_ratios(monkeypatch: pytest.MonkeyPatch) -> None:
+    """e = w L dH / (M_bar lam k): no plant enters."""
+    expected = {f"alpha_{alpha:g}": (1.0 + alpha, 0.03) for alpha in (0.1, 0.3)}
+    expected |= {"inertia_up": (1.0 / 1.1, 0.02), "same_slope": (1.0, 0.01)}
+    monkeypatch.setattr(predict, "EXPERIMENTS", [BY_NAME[name] for name in expected])
+    monkeypatch.setattr(predict, "LEAST", 5)
+    found = list(predict.predictions(LOADED, named_readings("encoder=ideal"), 16, QUIET))
+    assert len(found) == 2 * len(expected)
+    for row in found:
+        ratio, tolerance = expected[row.experiment]
+        assert row.median == pytest.approx(ratio, rel=tolerance)
+
+
+def test_killed_among_the_plants_it_goes_on_and_ends_with_the_same_bytes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[int] = []
+
+    def counting(loops: Sequence[Loop], **_: int) -> Batch:
+        calls.append(len(loops))
+        if len(calls) == deadly:
+            raise KeyboardInterrupt
+        return sized(loops)
+
+    deadly = 0
+    monkeypatch.setattr(predict, "simulate_batch", counting)
+    asked = {"readings": "printed,weights=extrapolating", "figures": False}
+    manifest = tr.predict(32, out=tmp_path / "whole", **asked).manifest
+    assert manifest["solver"] == {"name": COMPILED_STEPPER, "tolerance": TOLERANCE}
+    calls[:], deadly = [], 4
+    with pytest.raises(KeyboardInterrupt):
+        tr.predict(32, out=tmp_path / "killed", **asked)
+    assert not (tmp_path / "killed" / "predict.json").exists()
+    tr.predict(32, out=tmp_path / "killed", **asked)
+    assert len(calls) == 5
+    whole, killed = ((tmp_path / name / "predict.json").read_bytes() for name in ("whole", "killed"))
+    assert whole == killed
+
+
+def test_readings_are_told_apart_by_ranges_that_do_not_meet() -> None:
+    def row(reading: str, joint: int, low: float, high: float) -> Prediction:
+        return Prediction("x", reading, joint, "joints", 50, low, low, high)
+
+    rows = [row("a", 2, 1.0, 1.2), row("b", 2, 1.1, 1.3), row("c", 2, 1.25, 1.4)]
+    gaps = gaps_between(rows, ["a", "b", "c"])["x"]
+    assert gaps == pytest.approx({("a", "b"): -0.1, ("a", "c"): 0.05, ("b", "c"): -0.05})
+    other_joint = [row("a", 3, 1.0, 1.2), row("c", 3, 1.4, 1.5)]
+    assert gaps_between([rows[0], rows[2], *other_joint], ["a", "c"])["x"]["a", "c"] == pytest.approx(0.2)
+    unknown = gaps_between([rows[0], row("b", 2, np.nan, np.nan), rows[2]], ["a", "b", "c"])["x"]
+    assert [*unknown] == [("a", "c")]
+
+
+def test_tables_say_what_is_told_apart_and_nothing_where_too_few_plants_are_stable(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(predict, "simulate_batch", sized)
+    readings = named_readings("printed,weights=extrapolating")
+    found = predict_result(LOADED, 32, readings, QUIET).data
+    assert found["never_told_apart"] == [["printed", "weights=extrapolating"]]
+    monkeypatch.setattr(predict, "LEAST", 40)
+    found = predict_result(LOADED, 32, readings, QUIET).data
+    assert found["never_told_apart"] == []
+    (experiments,) = (
+        table for table in prediction_tables(found) if getattr(table, "name", "") == "experiments"
+    )
+    assert {value for row in experiments.rows for key, value in row.items() if key != "experiment"} == {None}
+
+
+def drawn_of(names: Sequence[str], joints: Sequence[int] = (2,)) -> Drawing:
+    ratios = [
+        {"reading": name, "joint": joint, "low": 0.3 * joint, "median": 0.4 * joint, "high": 0.45 * joint}
+        for name in names
+        for joint in joints
+    ]
+    return draw_predictions([{"about": one.about, "ratios": ratios} for one in EXPERIMENTS], names, joints)
+
+
+def test_the_picture_shows_each_joint_and_tells_interpretations_and_experiments_apart() -> None:
+    names = READINGS.split(",")
+    drawn = drawn_of(names, (2, 3))
+    (legend,) = drawn.figure.legends
+    # A caption fits below it on a page of A4, and no code of an interpretation is left.
+    assert drawn.figure.get_size_inches()[1] * 25.4 <= 245.0
+    assert not [text.get_text() for text in legend.get_texts() if re.search(r"\w=|_", text.get_text())]
+    for panel, joint in zip(drawn.axes, (2, 3), strict=True):
+        _, span, middle = (list(line.get_xdata()) for line in panel.lines[:3])
+        assert [*span, *middle] == pytest.approx([0.3 * joint, 0.45 * joint, 0.4 * joint])
+    shown = drawn.axes[0].lines[1 : 1 + 2 * len(names)]
+    for lines in (legend.get_lines(), shown[1::2]):
+        looks = {(line.get_color(), line.get_marker(), line.get_markerfacecolor()) for line in lines}
+        assert len(looks) == len(names)
+    alone = drawn_of(["printed"])
+    alone.figure.draw_without_rendering()
+    boxes = [label.get_window_extent() for label in alone.axes[0].get_yticklabels()]
     assert not [pair for pair in itertools.pairwise(boxes) if pair[0].overlaps(pair[1])]
-
-
-def test_one_interpretation_shows_its_ratios_and_no_dashes() -> None:
-    found = [Prediction(one.name, "a", joint, 64, 0.9, 0.8, 1.0) for one in EXPERIMENTS for joint in (2, 3)]
-    given = predict_report.prediction_tables(found, gaps_between(found, ["a"]), [], "64 plants", EXPERIMENTS)
-    tables = {table.name: table for table in given if isinstance(table, Table)}
-    assert not tables["never_told_apart"].rows
-    assert [name for name, table in tables.items() if table.terminal != ()] == ["predictions"]

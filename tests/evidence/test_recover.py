@@ -176,17 +176,6 @@ def test_a_log_with_lost_samples_and_a_jittering_clock(derivatives: bool) -> Non
 
 
 @pytest.mark.usefixtures("one_filter")
-def test_numbers_of_a_log_that_cannot_tell_are_not_given() -> None:
-    one = joint_3(rounded(run(), torque=2.0))
-    assert one.answer == UNTOLD
-    (row,) = controller_tables([one])[0].rows
-    assert row["surface"] is None
-    assert not controller_tables([one])[1].rows
-    assert controller_data(one)["parameters"] == {}
-    assert one.advice in one.sentence
-
-
-@pytest.mark.usefixtures("one_filter")
 @pytest.mark.parametrize(
     "record", [{"torque": 2.0}, pytest.param({"angle_deg": 0.05}, marks=pytest.mark.slow), {"every": 10}]
 )
@@ -195,6 +184,11 @@ def test_a_coarse_record_cannot_tell(record: dict[str, float]) -> None:
     assert one.answer == UNTOLD
     assert one.advice
     assert ("10 ms" in one.advice) == ("every" in record)
+    # Numbers that need not be true are not given.
+    answers, parameters, _ = controller_tables([one])
+    assert answers.rows[0]["surface"] is None
+    assert not parameters.rows
+    assert controller_data(one)["parameters"] == {}
 
 
 @pytest.mark.slow
@@ -248,14 +242,6 @@ def test_a_rounded_motion_with_corners_makes_no_hypothesis_win_by_its_samples(co
     assert "absent" not in one.best.hypothesis.name
 
 
-def test_all_that_fit_equally_well_are_named() -> None:
-    one = joint_3(rounded(run("weights=extrapolating"), torque=0.01, angle_deg=0.001))
-    data, rows = controller_data(one), controller_tables([one])[2].rows
-    assert data["as_good"] == len(one.equal) - 1 > 0
-    assert [row["hypothesis"] for row in rows if row["as_good"]] == data["equally_good"]
-    assert all(name in one.sentence for name in one.controllers)
-
-
 def test_intervals_beside_a_filter_count_that_its_cutoff_is_fitted() -> None:
     file = run("estimate_filter=estimate", more=(("reference.amplitude", 4),))
     one = joint_3(rounded(file, torque=0.01, angle_deg=0.001))
@@ -279,18 +265,39 @@ def test_gains_of_ones_own(joints_1_2: TraceFile, tmp_path: Path) -> None:
     assert {row["answer"] for row in other["runs"]} == {NONE}
 
 
+@pytest.mark.parametrize("step", [1e-3, 1e-2])
 @pytest.mark.parametrize("controller", [2, 3])
-def test_rounding_of_remembered_torques_is_in_the_intervals(controller: int) -> None:
-    """Plain estimation: rounding makes the last weight too light, alike in every part of the log."""
-    (log,), _ = read_logs(rounded(run(controller=controller), torque=1e-3, angle_deg=0.001), PUBLISHED.config)
+def test_rounding_of_remembered_torques_is_in_the_intervals(controller: int, step: float) -> None:
+    """Plain estimation: rounding makes the last weight too light, alike in every part of the log.
+
+    In steps of 10 mN m the torque moves by 383.5 steps with each step of an encoder: errors take turns.
+    """
+    (log,), _ = read_logs(rounded(run(controller=controller), torque=step, angle_deg=0.001), PUBLISHED.config)
     truth = Hypothesis(LINEAR if controller == 3 else NTSM)
     for joint in (0, 1):
         rows = fit.rows_of_all(log, joint, [Hypothesis(LINEAR)])
-        found = fit.fitted(log, joint, truth, (1e-3, 0.0), rows)
+        found = fit.fitted(log, joint, truth, (step, 0.0), rows)
         exact = fit.fitted(log, joint, truth, (0.0, 0.0), rows)
         assert (abs(found.parameters[:2] - [1.0, 0.0]) <= found.half[:2]).all()
-        np.testing.assert_allclose(found.half[:2] - exact.half[:2], found.bias, rtol=0.1)
+        assert (found.half[:2] > exact.half[:2]).all()
         assert exact.bias == 0.0 < found.bias
+
+
+def test_a_record_of_nothing_but_rounding_says_so() -> None:
+    (log,), _ = read_logs(run(controller=2), PUBLISHED.config)
+    noise = replace(log, command=np.random.default_rng(1).normal(size=log.q.shape), applied=None)
+    rows = fit.rows_of_all(noise, 0, [Hypothesis(LINEAR)])
+    assert fit.fitted(noise, 0, Hypothesis(LINEAR), (4.0, 0.0), rows).bias == np.inf
+
+
+def test_equal_equations_do_not_crowd_the_true_one_out() -> None:
+    """Of hypotheses that differ in what their coefficients are, and in nothing before, all are tried."""
+    one = joint_3(rounded(run("Delta_unit=deg"), torque=1e-3, angle_deg=0.001))
+    assert Hypothesis(NTSM, (("Delta_unit", "deg"),)) in [fit.hypothesis for fit in one.equal]
+    data, rows = controller_data(one), controller_tables([one])[2].rows
+    assert data["as_good"] == len(one.equal) - 1 > 0
+    assert [row["hypothesis"] for row in rows if row["as_good"]] == data["equally_good"]
+    assert all(name in one.sentence for name in one.controllers)
 
 
 @pytest.mark.slow
@@ -334,13 +341,6 @@ def joints_1_2(tmp_path_factory: pytest.TempPathFactory) -> TraceFile:
     file = tr.compare(path, set=SHORT | {"control.gains.M_bar": [0.03, 0.03]}, controllers=[1]).traces
     assert file is not None
     return replace(file, runs={"controller_1": file.runs["controller_1"]})
-
-
-def test_own_joints_are_compared_with_their_own_gains(joints_1_2: TraceFile) -> None:
-    for one, w_2 in zip(recover_controllers(joints_1_2, PUBLISHED, QUIET), (0.1, 0.2), strict=True):
-        assert one.answer == RECOVERED
-        assert one.weights == "interpolating"
-        assert one.best.parameters[1:3] == pytest.approx([w_2, 0.03])
 
 
 def test_measured_joints_without_published_gains_are_left_out(joints_1_2: TraceFile) -> None:
@@ -391,17 +391,6 @@ def test_loose_gains_cannot_tell(
     assert replace(one, fits=[best]).answer == answer
 
 
-def test_the_interval_of_the_gain_is_that_of_its_factors_together() -> None:
-    """lambda and eta of a linear surface are one parameter, K_p; its interval is the gain's."""
-    (log,), _ = read_logs(rounded(run(controller=3), torque=0.003), PUBLISHED.config)
-    for joint in (0, 1):
-        rows = fit.rows_of_all(log, joint, [Hypothesis(LINEAR)])
-        found = fit.fitted(log, joint, Hypothesis(LINEAR), (0.003, 0.0), rows)
-        assert found.error_gain == pytest.approx(found.parameters[4])
-        assert found.error_gain_half == pytest.approx(found.half[4])
-        assert found.error_gain_half > 0.0
-
-
 def test_a_log_without_any_acceleration_or_torque_of_its_own_warns_of_nothing() -> None:
     """Free coefficients are zero there, and say nothing of parameters."""
     (log,), _ = read_logs(run(controller=2), PUBLISHED.config)
@@ -410,14 +399,6 @@ def test_a_log_without_any_acceleration_or_torque_of_its_own_warns_of_nothing() 
     for hypothesis in (Hypothesis(NTSM), Hypothesis(LINEAR)):
         rows = fit.rows_of_all(pushed, 0, [hypothesis])
         assert np.isfinite(fit.fitted(pushed, 0, hypothesis, (0.0, 0.0), rows).residual)
-
-
-def test_the_gain_of_the_error_is_lambda_eta_and_its_interval_that_of_a_mean() -> None:
-    found = fit.error_gain_of(np.array([1.0, 0.0, 0.01, 16.0, 1.5]), Hypothesis(NTSM))
-    assert found == pytest.approx(24.0)
-    values = np.random.default_rng(1).normal(size=16)
-    left_out = np.array([np.delete(values, k).mean() for k in range(16)])
-    assert fit.jackknife_half_width(left_out) == pytest.approx(fit.NINETY * values.std(ddof=1) / 4.0)
 
 
 @pytest.mark.slow
