@@ -174,16 +174,12 @@ def resolution(values: Array) -> float:
     return float(gaps.min()) if gaps.size else 0.0
 
 
-def _step_of(values: Array) -> float:
-    """Step of the grid that values evidently stood on, else the smallest difference of any two."""
-    return without_rounding(values, 0.0)[1]
-
-
 def torque_rounding(log: Log) -> Array:
     """Rounding of each joint's torque (n,), N m, by the record, or by drives at the winches."""
-    of_joints = np.array([_step_of(column) for column in log.command.T])
+    # Of a grid that values evidently stood on the step, else the smallest difference of any two.
+    of_joints = np.array([without_rounding(column, 0.0)[1] for column in log.command.T])
     # A record may round once more what a drive has rounded.
-    of_winches = np.array([_step_of(column) for column in (log.command @ log.S).T])
+    of_winches = np.array([without_rounding(column, 0.0)[1] for column in (log.command @ log.S).T])
     mapped = np.sqrt(np.linalg.inv(log.S.T) ** 2 @ of_winches**2)
     return np.asarray(np.maximum(of_joints, mapped))
 

@@ -15,10 +15,6 @@ from tendonrepro.results.tables import Table
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site
 
-NUMBERS = ("run", "joint", "w_1", "w_1_half_90", "w_2", "w_2_half_90", "M_bar", "M_bar_half_90")
-"""Columns of the table of parameters that the terminal shows."""
-HYPOTHESES = ("run", "joint", "hypothesis", "as_good", "unexplained", "information")
-"""Those of the table of hypotheses, which it shows where several fit."""
 OWN_GAINS = "The paper has no gains of this arm. The log is compared with its own configuration."
 SHOWN = 5
 """Hypotheses that the table lists for each joint."""
@@ -141,8 +137,7 @@ def controller_tables(controllers: list[RecoveredController]) -> list[Table]:
         for fit in controller.fits[: max(SHOWN, len(controller.equal))]
     ]
     shown = ("run", "joint", "answer", "controllers", "readings", "as_good")
-    # Where nothing can be told there are no columns to choose from.
-    numbers = NUMBERS if parameters else ()
+    about = "The best hypotheses, all that fit alike among them, with the criterion above the best."
     return [
         Table(
             "controllers",
@@ -151,12 +146,10 @@ def controller_tables(controllers: list[RecoveredController]) -> list[Table]:
             terminal=shown,
         ),
         Table(
-            "parameters", "Its numbers, SI, with half of their 90 % interval.", parameters, terminal=numbers
+            "parameters",
+            "Its numbers, SI, with half of their 90 % interval.",
+            parameters,
+            terminal=None if parameters else (),
         ),
-        Table(
-            "hypotheses",
-            "The best hypotheses, all that fit alike among them, with the criterion above the best.",
-            tried,
-            terminal=HYPOTHESES if any(len(controller.equal) > 1 for controller in told) else (),
-        ),
+        Table("hypotheses", about, tried, terminal=()),
     ]

@@ -167,21 +167,16 @@ def ensemble_study(
         seed=study.seed,
         stays=SHARDS,
     )
-    return replace(prepared, numbers="summary", plan=_plan(study, draws))
-
-
-def _plan(study: EnsembleStudy, draws: int) -> dict[str, object]:
-    """What ``--json`` of a dry run says."""
-    readings = count_of(len(study.readings), "reading")
     arms = f" {study.loaded.around.told}" if study.loaded.around else ""
-    return {
+    plan = {
         "schema_version": SCHEMA_VERSION,
         "experiment": "ensemble",
         "config_sha256": study.loaded.sha256,
         "draws": draws,
         "blocks": len(study.pieces(draws)),
-        "text": f"ensemble: {draws} draws{arms}, {readings}",
+        "text": f"ensemble: {draws} draws{arms}, {count_of(len(study.readings), 'reading')}",
     }
+    return replace(prepared, numbers="summary", plan=plan)
 
 
 def on_cluster(

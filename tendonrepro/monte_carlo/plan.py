@@ -37,10 +37,10 @@ FEWEST_PER_SCRAMBLING = 8
 MOST_DRAWS = 2**20
 """Weeks of work, and as many blocks as memory holds with ease."""
 
-SECONDS_PER_EXPERIMENT = 6e-3
-"""Time on a fast processor, for estimates before anything has run; of the same order is all that is needed.
+SECONDS_PER_EXPERIMENT = 2e-3
+"""Processor's time, for estimates before anything has run; of the same order is all that is needed.
 
-Measured: 17 ms on slow processors that had other work too.
+Measured: 1,179,648 experiments of the shipped ensemble in 2,459 s of one process.
 """
 
 ROOMS = ("configuration", "experiments", "monte_carlo", "physics", "simulation")

@@ -13,7 +13,7 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models.control import unloaded_run
-from tendonrepro.configuration.models.readings import PRINTED, Reading, parse_reading, under
+from tendonrepro.configuration.models.readings import Reading, parse_reading, under
 from tendonrepro.configuration.rows import Draw
 from tendonrepro.experiments.loops import slow_error_ratio
 from tendonrepro.files import Json
@@ -23,10 +23,6 @@ from tendonrepro.monte_carlo.shares import quantiles_of, reading_summary, share_
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.summary import CONTROLLERS, PAIRS
 from tendonrepro.results.tables import Table, TableRows
-
-_FORMS = {"ratio": ".3g", "ratio_low": ".3g", "ratio_high": ".3g"} | dict.fromkeys(
-    ("share_smaller", "share_low", "share_high", *STATUSES), ".0%"
-)
 
 _BOTH = "all_ok.mae_and_rmse.both"
 _RANKINGS = {
@@ -64,7 +60,7 @@ without the first two seconds. `behind` is Controller 1 behind 2 in the MAE of j
 the smoothest, and `rises` RMSE over MAE from Controller 1 to 3.
 """
 
-_NO_SHARES = (*_RATIOS, "distance")
+_NO_SHARES = (*_RATIOS, "distance", "ratio")
 """How columns begin that are no shares."""
 
 SOME = 8
@@ -132,12 +128,11 @@ def ensemble_tables(summary: Json) -> Iterator[Table | str]:
             "summary.json."
         )
         rows = [_with_verdict(reading) for reading in population["readings"]]
-        headings = {key: key.replace("_", " ").replace("controller ", "C") for key in rows[0]}
-        forms = {key: ".3f" if key.startswith(_NO_SHARES) else ".1%" for key in rows[0]}
-        columns = {key: (heading, forms[key]) for key, heading in headings.items()}
         shown = ["reading", *(f"stable_{run}" for run in CONTROLLERS), "order", "first"]
         shown += [*(f"{pair}_joint_2_median" for pair in PAIRS), "verdict"]
-        yield Table(f"readings_{name}", caption, rows, columns, shown if place == 0 else (), ("csv", "md"))
+        yield Table(
+            f"readings_{name}", caption, rows, _columns(rows), shown if place == 0 else (), ("csv", "md")
+        )
 
 
 def _with_verdict(reading: Json) -> dict[str, object]:
@@ -190,27 +185,26 @@ def pair_rows(data: EnsembleData) -> Iterator[Json]:
             }
 
 
-def _stability_rows(population: Json) -> Iterator[dict[str, object]]:
-    for reading in population["readings"]:
-        for run, shares in reading["status"].items():
-            yield {
-                "reading": reading["name"],
-                "run": run,
-                **{name: shares[name]["share"] for name in STATUSES},
-            }
-
-
 def _columns(rows: TableRows) -> dict[str, tuple[str, str]]:
-    """Headings and formats; the reading is left out where there is no other."""
-    alone = {row["reading"] for row in rows} == {PRINTED}
-    names = [name for name in rows[0] if not (alone and name == "reading")]
-    return {name: (name.replace("_", " "), _FORMS.get(name, "")) for name in names}
+    """Headings, and formats: per cent of shares."""
+    return {
+        name: (
+            name.replace("_", " ").replace("controller ", "C"),
+            ".3f" if name.startswith(_NO_SHARES) else ".1%",
+        )
+        for name in rows[0]
+    }
 
 
 def _pair_tables(summary: Json) -> Iterator[Table | str]:
     """Yield the comparison of the runs, and how often each is stable."""
     (population,) = summary["populations"].values()
-    pairs, stability = population["pairs"], [*_stability_rows(population)]
+    pairs = population["pairs"]
+    stability = [
+        {"reading": reading["name"], "run": run} | {name: shares[name]["share"] for name in STATUSES}
+        for reading in population["readings"]
+        for run, shares in reading["status"].items()
+    ]
     on = f"{population['plants']} arms {summary['around']['told']}"
     about = (
         f"Mean absolute error of one run over another's on {on}, where both are stable: median, central "

@@ -26,7 +26,6 @@ from tendonrepro.monte_carlo.plan import Piece
 from tendonrepro.monte_carlo.population import Population, population_of
 from tendonrepro.physics.control import command as physics_command
 from tendonrepro.physics.control import estimator_weights
-from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.loop import TimeDelayController
 from tendonrepro.studies.lifecycle import carry_out
 
@@ -228,19 +227,6 @@ def test_a_law_runs_on_the_same_arms(tmp_path: Path) -> None:
         errors = found["mae"][:, places].swapaxes(0, 1)
         assert (errors[0] == errors[1]).all()
         assert (errors > 0.0).all()
-
-
-def test_a_file_that_changed_is_another_law(compare: Path, tmp_path: Path) -> None:
-    path, text = tmp_path / "law.py", "def mine(memory, q, q_d, dq_d, ddq_d, law): return {} * (q_d - q)\n"
-    errors = []
-    for gain in (3.0, 30.0):
-        path.write_text(text.format(gain), "utf-8")
-        study = load_study(compare, None, None, "default", 0.2, laws=laws_of([f"{path}:mine"]))
-        (arms,) = study.populations.values()
-        itself = np.ones((1, len(arms.rows)))
-        (short,) = arms.loops(itself, study.cases, study.laws)
-        errors.append(simulate_batch([short[study.lookup["mine", "printed"]]]))
-    assert (errors[0].statistics["mae"] != errors[1].statistics["mae"]).all()
 
 
 @pytest.mark.parametrize("laws", [{"broken": broken}, {"branching": branching}, {"controller_2": plain}])

@@ -58,14 +58,6 @@ def stop_after(blocks):
     return simulate
 
 
-def test_a_finished_run_is_not_computed_again(unbroken):
-    def never(*_):
-        raise AssertionError
-
-    summary = run_ensemble_of(unbroken, simulate=never)
-    assert (summary["resumed_from"], summary["experiments_per_second"]) == (16, None)
-
-
 def test_more_draws_reuse_what_is_there(tmp_path):
     study = replace(small_study(), block_draws=4)
     run_ensemble_of(tmp_path, study)
@@ -125,13 +117,6 @@ def test_blocks_of_an_interrupted_run_of_others_are_refused_and_kept(tmp_path):
         run_ensemble_of(tmp_path / "new", other)
     assert finished_in(tmp_path / "new") == before
     assert run_ensemble_of(tmp_path / "new", other, force=True)["resumed_from"] == 0
-
-
-def test_a_finished_ensemble_of_another_configuration_is_refused(unbroken):
-    before = finished_in(unbroken)
-    with pytest.raises(UsageError):
-        run_ensemble_of(unbroken, replace(small_study(), seed=77))
-    assert finished_in(unbroken) == before
 
 
 def test_a_full_disk_loses_nothing(tmp_path, unbroken, monkeypatch):

@@ -78,19 +78,6 @@ def test_plain_comparison_is_the_nominal_draw_but_for_the_amplitude():
     assert drawn.disturbance.kind == plain.disturbance.kind
 
 
-def test_what_is_derived_of_the_arm_follows_from_its_middles():
-    arm = load_config("plain", None).config.manipulator
-    links, friction, winch = arm.links, arm.friction, arm.winches
-    np.testing.assert_allclose(links.com.si, 0.48 * links.length.si)
-    np.testing.assert_allclose(links.inertia.si, 0.098 * links.mass.si * links.length.si**2)
-    radius = np.diag(arm.routing.pulley_diameter.si) / 2.0
-    np.testing.assert_allclose(arm.tendons.axial_stiffness.si * radius**2, [420.0, 280.0, 100.0], rtol=1e-6)
-    np.testing.assert_allclose(arm.tendons.axial_damping.si * radius**2, [0.71, 0.71, 0.39], rtol=1e-6)
-    np.testing.assert_allclose(winch.reflected_inertia.si, winch.reduction.si**2 * (5.7e-6 + 5.1e-6))
-    for part in (friction.link, friction.winch):
-        np.testing.assert_allclose(part.smoothing_velocity.si, 0.5 * part.stribeck_velocity.si)
-
-
 def test_position_loop_is_20_hz_and_damped_by_07():
     config = load_config("decouple", None).config
     loop, inertia = config.position_loop, config.manipulator.winches.reflected_inertia.si[0]

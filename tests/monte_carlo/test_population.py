@@ -9,16 +9,13 @@ from scipy.stats import qmc
 from support.made_ensemble import box
 
 from tendonrepro.configuration.models.box import WORDS
-from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import (
     UNDER_READINGS,
-    VARIATIONS,
-    default_readings,
     parse_reading,
     under,
 )
-from tendonrepro.experiments.loops import build_law, build_loops
-from tendonrepro.experiments.rig import build_actuator, build_drive, build_encoder, build_plant, build_preload
+from tendonrepro.experiments.loops import build_loops
+from tendonrepro.experiments.rig import build_drive, build_plant
 
 DRAWS = 256
 
@@ -138,22 +135,6 @@ def test_every_other_draw_builds_its_loops():
         duration = loops["controller_1"].reference.time[-1]
         shortest, longest = box().loaded.config.shortest_run.si, box().loaded.config.longest_run.si
         assert shortest - 1e-6 <= duration <= longest + 1e-6
-
-
-@pytest.mark.slow
-def test_every_fourth_draw_takes_every_reading():
-    choices = default_readings(box().loaded.config.pairs) + VARIATIONS
-    for k in range(0, DRAWS, 4):
-        for place, choice in enumerate(choices):
-            config = under(choice, drawn(k), box().named(draws()[k]))
-            if place % 32 == k // 4 % 32:  # the motion is the same under all of them, so some are enough
-                assert len(list(build_loops(config, box().loaded.base.folder))) == len(RUNS)
-            else:
-                laws = [build_law(config, law) for law in ("controller_1", "controller_2", "controller_3")]
-                assert {law.L for law in laws} == {config.sampling_period.si}
-                assert np.isfinite(build_preload(config)).all()
-                assert build_actuator(config).delay in (0, 1, 2)
-                assert build_encoder(config.manipulator.encoders.joint).resolution >= 0.0
 
 
 def test_widest_draws_stay_in_the_workspace():

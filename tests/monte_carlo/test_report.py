@@ -6,14 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from PIL import Image
 from support.made_ensemble import DIVERGED, JOINTS, PLANTS, READINGS, box, ensemble, random_errors, whole
 
 from tendonrepro.configuration.models.readings import parse_reading
-from tendonrepro.monte_carlo.figures import draw_ratios, ensemble_figures, ratio_axis, rows_figure
+from tendonrepro.monte_carlo.figures import draw_ratios, ensemble_figures, ratio_axis
 from tendonrepro.monte_carlo.report import common_slow_ratio, ensemble_tables, population_summary
 from tendonrepro.monte_carlo.shares import printed_ratios
-from tendonrepro.results.figures.style import journal_style, open_figure, save_drawing
+from tendonrepro.results.figures.style import journal_style, open_figure
 
 
 def test_theory_follows_the_weights(mixed):
@@ -64,15 +63,6 @@ def nowhere_stable():
     return whole(ensemble(random_errors, lambda *_: np.full(PLANTS, DIVERGED, np.int8)))
 
 
-def test_a_table_without_plants_has_no_numbers(nowhere_stable):
-    (table,) = ensemble_tables(nowhere_stable)
-    assert np.isnan([table.rows[0]["order"], table.rows[0]["distance"]]).all()
-    row = table.md().splitlines()[-1]
-    assert row.count("--") == sum(
-        isinstance(cell, float) and np.isnan(cell) for cell in table.rows[0].values()
-    )
-
-
 def test_ratios_show_median_print_and_theory(mixed):
     summary = population_summary(box(), mixed)
     drawn = draw_ratios("box", summary)
@@ -102,21 +92,6 @@ def test_figures_are_drawn_without_plants_too(nowhere_stable):
     drawn = {name: draw() for name, draw in ensemble_figures(nowhere_stable).items()}
     assert {drawing.stem for drawing in drawn.values()} == drawn.keys() == {"ratios_box"}
     drawn["ratios_box"].figure.draw_without_rendering()
-
-
-@pytest.mark.pictures
-def test_long_names_of_readings_stay_on_the_page_that_is_written(tmp_path):
-    """A layout for a coarser picture would cut some of their letters off."""
-    names = ["printed", *(f"weights=extrapolating+stored_torque=applied+delay={n}" for n in range(30))]
-    drawn = rows_figure("rows", ["A panel"], names, lambda _: None, "", "Made up")
-    save_drawing(drawn, tmp_path, ("png",))
-    figure, (panel,) = drawn.figure, drawn.axes
-    with Image.open(tmp_path / "rows.png") as image:
-        assert image.info["dpi"][0] == pytest.approx(figure.dpi, abs=0.1)
-    boxes = [label.get_window_extent() for label in panel.get_yticklabels()]
-    assert min(box.x0 for box in boxes) >= 0.0
-    assert all(box.y0 > below.y1 for box, below in pairwise(boxes))
-    assert [label.get_text().replace("\n", "") for label in panel.get_yticklabels()] == names
 
 
 @pytest.mark.parametrize("ends", [(0.999, 1.02), (0.97, 1.4), (0.5, 2.6), (0.02, 4.5), (3.0, 70.0)])

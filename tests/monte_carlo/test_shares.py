@@ -2,9 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from scipy import stats
 from support.made_ensemble import (
     DIVERGED,
     EACH,
@@ -31,7 +28,6 @@ from tendonrepro.monte_carlo.shares import (
     quantiles_of,
     reading_summary,
     share_of,
-    spread_of,
 )
 
 EIGHT = np.repeat(np.arange(8), 50)
@@ -277,26 +273,3 @@ def test_few_plants_conclude_nothing(plants, verdict):
     codes = np.where(np.arange(PLANTS) < plants, OK, RINGING).astype(np.int8)
     found = reading_summary(ensemble(printed_like(1.0).statistic, lambda *_: codes), "printed")
     assert found["agreement"]["verdict"] == verdict
-
-
-@given(st.lists(st.booleans(), min_size=80, max_size=200), st.integers(0, 2**32 - 1))
-def test_intervals_stay_between_0_and_1_around_the_share(flags, seed):
-    replicate = np.arange(len(flags)) % 8
-    order = np.random.default_rng(seed).permutation(len(flags))
-    one, other = (share_of(np.array(flags)[o], replicate[o]) for o in (np.arange(len(flags)), order))
-    assert one.interval is not None
-    assert 0.0 <= one.interval[0] <= one.share <= one.interval[1] <= 1.0
-    assert other.interval == pytest.approx(one.interval)
-
-
-def test_a_spread_ends_at_plants_and_has_intervals():
-    whole = spread_of(np.random.default_rng(5).permutation(np.arange(1.0, 401.0)), EIGHT)
-    assert (whole.low, whole.median, whole.high) == (20.0, 200.0, 380.0)
-    values = np.random.default_rng(5).normal(size=400)
-    box = spread_of(values, EIGHT)
-    each = np.array([np.quantile(part, 0.05, method="inverted_cdf") for part in values.reshape(8, 50)])
-    half = stats.t.ppf(0.975, 7) * stats.sem(each)
-    assert box.low_interval == pytest.approx((box.low - half, box.low + half))
-    assert box.high_interval is not None
-    assert box.high_interval[0] < box.high < box.high_interval[1]
-    assert spread_of(values[:350], EIGHT[:350]).low_interval is None
