@@ -173,7 +173,7 @@ def _fitted_alike(
         _, parameters, information = _solution(log, joint, refined, rows)
         solved.append((not possible(parameters), information, refined))
     # Intervals take longest, and none asks for those of hypotheses that come far behind.
-    best = sorted(solved, key=lambda one: one[:2])[: 2 * KEPT]
+    best = sorted(solved, key=lambda fit: fit[:2])[: 2 * KEPT]
     return [fitted(log, joint, hypothesis, rounding, rows) for *_, hypothesis in best]
 
 
@@ -204,10 +204,13 @@ def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, 
     without, without_left_out = parameters, left_out
     if residual > SAME * step and any(rounding):
         errors = rows.size * _errors_of(regressed, parameters, hypothesis, rounding, log.L)
-        without = _without_errors(whole, errors, hypothesis)
+        without = _without_errors(whole, parameters, errors, hypothesis)
         share = 1.0 - 1.0 / GROUPS
         without_left_out = np.stack(
-            [_without_errors(part, share * errors, hypothesis, without) for part in parts]
+            [
+                _without_errors(part, left, share * errors, hypothesis, without)
+                for part, left in zip(parts, left_out, strict=True)
+            ]
         )
     # Errors may sit in what the controller remembered, or not: intervals have both answers.
     half = _half_width(parameters, left_out, without, without_left_out)
@@ -237,8 +240,9 @@ def _half_width(values: Array, left_out: Array, without: Array, without_left_out
 
 def _without_each(columns: Array) -> list[Array]:
     """Triangular factors of samples, with one of `GROUPS` stretches left out each."""
-    factors = [np.linalg.qr(part, mode="r") for part in np.array_split(columns, GROUPS)]
-    return [np.linalg.qr(np.vstack(factors[:k] + factors[k + 1 :]), mode="r") for k in range(GROUPS)]
+    factors = [np.asarray(np.linalg.qr(part, mode="r")) for part in np.array_split(columns, GROUPS)]
+    others = [np.vstack(factors[:k] + factors[k + 1 :]) for k in range(GROUPS)]
+    return [np.asarray(np.linalg.qr(part, mode="r")) for part in others]
 
 
 def _errors_of(
@@ -265,9 +269,9 @@ def _errors_of(
         return products
     known = np.array([square - white * torque, product + (w_1 - w_1 * w_2) * torque])
     of_products = [[2.0 * w_1 * (w_2 - 1.0), -2.0 * w_2], [white - w_2, w_1 * (w_2 - 1.0)]]
-    one, two = np.linalg.lstsq(np.array(of_products), known, rcond=None)[0]
-    products[0, 1] = products[1, 0] = products[0, -1] = products[-1, 0] = one
-    products[1, -1] = products[-1, 1] = two
+    neighbours, next_ones = np.linalg.lstsq(np.array(of_products), known, rcond=None)[0]
+    products[[0, 1, 0, -1], [1, 0, -1, 0]] = neighbours
+    products[[1, -1], [-1, 1]] = next_ones
     return products
 
 
@@ -331,19 +335,26 @@ def _remembered(parameters: Array, hypothesis: Hypothesis) -> Array:
     return weights
 
 
-def _without_errors(factor: Array, errors: Array, hypothesis: Hypothesis, near: Array | None = None) -> Array:
+def _without_errors(
+    factor: Array, parameters: Array, errors: Array, hypothesis: Hypothesis, near: Array | None = None
+) -> Array:
     """Parameters that fit best where errors have added `errors` to the products of columns.
 
-    They are infinite where the columns are nothing but errors.
+    They are infinite where the columns are nothing but errors. With more errors than these `parameters` leave
+    over, the record is finer than its steps say, and they stay.
     """
-    scale = _sizes(factor)
+    values = np.append(coefficients(parameters, hypothesis), -1.0)
+    if values @ errors @ values > np.sum((factor @ values) ** 2):
+        return parameters
     if near is not None and not np.isfinite(near).all():
         return near
+    # R' R - E = R' (1 - R^-T E R^-1) R, which squares no small numbers.
+    inverse = np.linalg.pinv(factor)
     try:
-        without = np.linalg.cholesky((factor.T @ factor - errors) / np.outer(scale, scale)).T * scale
+        left = np.linalg.cholesky(np.eye(len(factor)) - inverse.T @ errors @ inverse).T
     except np.linalg.LinAlgError:
         return np.full(5, np.inf)
-    return _solved(without, hypothesis, near)
+    return _solved(left @ factor, hypothesis, near)
 
 
 def _held_out_error(log: Log, joint: int, hypothesis: Hypothesis, solve: Solve, rows: Rows) -> float:
