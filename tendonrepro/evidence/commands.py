@@ -77,5 +77,8 @@ def recover(
         loaded,
         lambda site: recover_result(file, str(Path(log)), loaded, site, own=own),
         folder,
-        decided_by={"log": [file.config_sha256, file.created], **({"own": True} if own else {})},
+        decided_by={
+            "log": [file.config_sha256, file.manifest.get("created", "")],
+            **({"own": True} if own else {}),
+        },
     )

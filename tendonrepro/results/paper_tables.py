@@ -163,15 +163,16 @@ def table_data(file: TraceFile) -> dict[str, object]:
         }
 
     windows: dict[str, dict[str, object]] = {}
-    of_tables = summary.without_start_name(left_out(file))
     for name, trace in file.runs.items():
         for window, sizes in summary.tracking_errors(trace).items():
             windows.setdefault(window, {})[name] = _lists(_columns(sizes))
+    # Those of the tables stand there.
+    windows.pop(summary.without_start_name(left_out(file)), None)
     return {
         **both,
         **of_rows(lambda trace: _columns(summary.table_errors(trace))),
         "errors_from": left_out(file),
-        "windows": {window: runs for window, runs in windows.items() if window != of_tables},
+        "windows": windows,
         "printed": of_rows(lambda trace: beside(file, trace)[0]),
         "plausible": of_rows(lambda trace: beside(file, trace)[1]),
         "ranking": summary.ranking(file),

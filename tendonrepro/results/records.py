@@ -193,16 +193,6 @@ class TraceFile:
     config_sha256: str
     manifest: Json
 
-    @property
-    def created(self) -> str:
-        """When it was made, ISO 8601, UTC."""
-        return str(self.manifest.get("created", ""))
-
-    @property
-    def tendonrepro_version(self) -> str:
-        """What made it."""
-        return str(self.manifest.get("tendonrepro_version", ""))
-
     def part(self, experiment: str) -> TraceFile:
         """The file with the runs of ``compare`` or ``decouple`` alone; there may be none."""
         if self.experiment == experiment:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
@@ -54,7 +53,9 @@ def write_traces(path: Path, file: TraceFile) -> None:
     image = BytesIO()
     with h5netcdf.File(image, "w") as root:
         root.attrs.update({"Conventions": "CF-1.11", "schema_version": SCHEMA_VERSION})
-        root.attrs.update({name: getattr(file, name) for name in (*_ROOT, "created", "tendonrepro_version")})
+        root.attrs.update({name: getattr(file, name) for name in _ROOT})
+        for name in ("created", "tendonrepro_version"):
+            root.attrs[name] = str(file.manifest.get(name, ""))
         root.attrs["manifest_json"] = to_json(file.manifest)
         for name, trace in file.runs.items():
             _write_run(root.create_group(name), trace)
@@ -228,11 +229,19 @@ def export_traces(source: Path, form: str, out: Path | None = None, *, force: bo
     if out is not None and out.suffix != f".{form}":
         message = f"a file of the format {form} ends in .{form}, found {str(out)!r}"
         raise UsageError(message, where="--out")
+    if form == "parquet" and find_spec("pyarrow") is None:
+        message = "parquet needs the library pyarrow, which is not installed"
+        raise UsageError(message, where="--format", hint="pip install 'tendonrepro[parquet]'")
     file, path = read_traces(source), source / TRACES if source.is_dir() else source
     target = out or path.with_suffix(f".{form}")
     refuse_existing(target, force=force, inputs=[path])
     with atomic_path(target) as temporary:
-        _WRITERS[form](file, temporary)
+        if form == "mat":
+            _write_mat(file, temporary)
+        elif form == "parquet":
+            _table(file).to_parquet(temporary, engine="pyarrow", index=False)
+        else:
+            _table(file).to_csv(temporary, index=False, lineterminator="\n")
     return target
 
 
@@ -244,18 +253,7 @@ def _table(file: TraceFile) -> DataFrame:
     return pd.concat(runs, names=["run"]).reset_index()
 
 
-def _csv(file: TraceFile, path: Path) -> None:
-    _table(file).to_csv(path, index=False, lineterminator="\n")
-
-
-def _parquet(file: TraceFile, path: Path) -> None:
-    if find_spec("pyarrow") is None:
-        message = "parquet needs the library pyarrow, which is not installed"
-        raise UsageError(message, where="--format", hint="pip install 'tendonrepro[parquet]'")
-    _table(file).to_parquet(path, engine="pyarrow", index=False)
-
-
-def _mat(file: TraceFile, path: Path) -> None:
+def _write_mat(file: TraceFile, path: Path) -> None:
     from scipy.io import savemat
 
     content = {
@@ -265,6 +263,3 @@ def _mat(file: TraceFile, path: Path) -> None:
     }
     content["units"] = {"time": "s"} | {name: unit for name, (unit, _) in VARIABLES.items()}
     savemat(str(path), content, long_field_names=True, do_compression=True, oned_as="column")
-
-
-_WRITERS: Mapping[str, Callable[[TraceFile, Path], None]] = {"csv": _csv, "parquet": _parquet, "mat": _mat}

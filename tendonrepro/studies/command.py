@@ -16,7 +16,6 @@ from types import SimpleNamespace, UnionType
 from typing import (
     TYPE_CHECKING,
     ParamSpec,
-    TypeGuard,
     TypeVar,
     Union,
     cast,
@@ -205,9 +204,8 @@ def _public(
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> V:
-        registered = COMMANDS[entry.name]
-        given = registered.bound(*args, **kwargs)
-        return value(cast("Prepared", registered.prepare(*given.args, **given.kwargs)))
+        given = entry.bound(*args, **kwargs)
+        return value(cast("Prepared", entry.prepare(*given.args, **given.kwargs)))
 
     parameters = [
         parameter.replace(annotation=parameter.annotation.__origin__)
@@ -238,14 +236,10 @@ def _as_taken(annotation: object, value: object) -> object:
     plain = getattr(annotation, "__origin__", annotation)
     choices = get_args(plain) if get_origin(plain) in {Union, UnionType} else (plain,)
     items = [get_args(choice)[0] for choice in choices if get_origin(choice) is Sequence]
-    if isinstance(value, list | tuple) and value and str in choices and not items and _are_texts(value):
+    if isinstance(value, list | tuple) and value and str in choices and not items:
         return ",".join(value)
     is_one = type(value) in items and type(value) not in choices
     return [value] if is_one else value
-
-
-def _are_texts(values: Sequence[object]) -> TypeGuard[Sequence[str]]:
-    return all(isinstance(value, str) for value in values)
 
 
 def signature_of(function: Callable[..., object]) -> inspect.Signature:
