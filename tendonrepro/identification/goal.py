@@ -18,7 +18,6 @@ from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.models.control import RUNS, unloaded_run
 from tendonrepro.configuration.published import METRICS, Published, published, row_of
 from tendonrepro.configuration.strict_yaml import read_text
-from tendonrepro.console import count_of
 from tendonrepro.errors import DataMissingError, UsageError, did_you_mean
 from tendonrepro.physics.metrics import START
 from tendonrepro.results.paper_tables import COLUMNS
@@ -42,11 +41,10 @@ class Goal:
     """Errors of R runs, deg, and half a unit of their last digit, (R, 2, n); NaN where there is none.
 
     Those that are `fitted`, (R, 2, n), decide; the others only stand beside. `name` says where they come
-    from, `told` how many they are, `named` what results are labelled with.
+    from, `named` what results are labelled with.
     """
 
     name: str
-    told: str
     named: Mapping[str, str]
     runs: tuple[str, ...]
     joints: tuple[int, ...]
@@ -100,7 +98,6 @@ def printed_numbers(paper: Published, joints: Sequence[int], fit: Target = "all"
     fitted = np.array([run in FITTED[fit] for run in RUNS])
     return Goal(
         name="Tables 2 and 3" if fit == "all" else "Controller 2 of Table 2",
-        told="all sixteen numbers" if fit == "all" else "Controller 2's four numbers",
         named={"fit": fit},
         runs=RUNS,
         joints=tuple(joints),
@@ -168,10 +165,8 @@ def own_numbers(path: Path, loaded: LoadedEnsemble, window: Window, laws: Sequen
     for number in numbers:
         place = runs.index(number.run), METRICS.index(number.metric), joints.index(number.joint)
         values[place], half[place] = number.value, number.half
-    count = count_of(len(numbers), "number")
     return Goal(
         name=path.name,
-        told=f"the {count} of {path.name}",
         named={"errors": path.name},
         runs=runs,
         joints=tuple(joints),

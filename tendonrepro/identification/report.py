@@ -114,8 +114,8 @@ def _scalars(answer: SearchAnswer) -> Json:
 def conclusion(first: SearchAnswer, goal: Goal, within: str) -> str:
     """Whether a plant fits under the first reading."""
     answer = f"A plant within {within} gives" if first["fits"] else "No plausible plant found for"
-    size = f"best misfit {first['misfit_log']:.3g} in log ratio"
-    return f"{answer} {goal.told}{_under(first, goal)}: {size}."
+    numbers = f"the {count_of(goal.numbers, 'number')} of {goal.name}"
+    return f"{answer} {numbers}{_under(first, goal)}: best misfit {first['misfit_log']:.3g} in log ratio."
 
 
 def _under(search: SearchAnswer, goal: Goal) -> str:

@@ -204,6 +204,12 @@ def test_edits_without_effect_share_the_class_of_none_and_those_on_few_plants_ha
     np.testing.assert_allclose(ranking(of, larger).ratios[:5], ranking(of, of.goal).ratios[:5], atol=1e-9)
 
 
+def test_a_plant_that_made_a_table_counts_for_no_edit() -> None:
+    of = made_tables(1.0)
+    own = replace(of.goal, values=of.sizes[2, 3])
+    assert of.of(own, without=3)[2] < of.of(own)[2]
+
+
 @pytest.fixture
 def few_cells(monkeypatch: pytest.MonkeyPatch) -> EditStudy:
     """Three plants, one at a time, without edits."""
