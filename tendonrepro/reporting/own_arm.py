@@ -83,7 +83,7 @@ def answer_own(studies: Studies, out: Path, talk: Talk, *, force: bool) -> Answe
     told: Json = {"unstable": _unstable(data)}
     if told["unstable"]:
         told["steadied_by"] = steadied_by(loaded)
-    lines = [*_stable_text(data, **told), *_compared_text(data, results["compare"])]
+    lines = [*_stable_text(data, told), *_compared_text(data, results["compare"])]
     if "ensemble" in data:
         pairs = _pairs(data)
         told["helps"] = helps(pairs)
@@ -142,15 +142,13 @@ HELPS = {
 """The answer in words, α-TDE being Controller 1 and TDE Controller 2."""
 
 
-def _stable_text(
-    data: Json, unstable: Sequence[str], steadied_by: Mapping[str, float | None] | None = None
-) -> Iterator[str]:
-    if not steadied_by:
+def _stable_text(data: Json, told: Json) -> Iterator[str]:
+    if not told["unstable"]:
         slowest = min(modes["decay"] for modes in data["explain"]["runs"].values())
         yield f"Stable: yes, every loop, linearised; the slowest mode decays by {slowest:.3g} a second."
         return
-    yield f"Stable: no, unstable are {', '.join(unstable)}."
-    ways = [f"{key} {factor:g} times yours" for key, factor in steadied_by.items() if factor]
+    yield f"Stable: no, unstable are {', '.join(told['unstable'])}."
+    ways = [f"{key} {factor:g} times yours" for key, factor in told["steadied_by"].items() if factor]
     if ways:
         yield f"All are stable with {', or with '.join(ways)}."
     else:

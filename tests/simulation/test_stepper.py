@@ -235,6 +235,17 @@ class TestRepeatability:
         for k in (1, 2):
             np.testing.assert_allclose(noises[k], noises[0], atol=1e-15)
 
+    def test_torque_noise_acts_on_the_plant_alone(self):
+        """No controller can know it; stored with the torque it would come back in every estimate."""
+        noisy, quiet = (
+            simulate(make_loop(IDEAL, f"manipulator.actuator.torque_noise={rms}")) for rms in (0.2, 0)
+        )
+        np.testing.assert_array_equal(noisy["tau_m"], noisy["tau_cmd"])
+        # 0.2 N m for a period on 0.1 kg m2: each kick changes the winch's velocity by 2e-3 rad/s.
+        kicks = np.diff(noisy["dtheta"][:3, 1] - quiet["dtheta"][:3, 1])
+        assert 1e-4 < np.abs(kicks).max() < 1e-2
+        assert np.abs(noisy["e"]).mean() < 1.2 * np.abs(quiet["e"]).mean()
+
 
 class TestMotors:
     @pytest.mark.parametrize("delay", [0, 1, 2])

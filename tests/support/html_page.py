@@ -17,15 +17,10 @@ class Element:
     texts: list[str] = field(default_factory=list)
 
     def all(self, tag: str | None = None, **attributes: str) -> list[Element]:
-        """Elements below this one, in order; `class_` is one of their classes."""
+        """Elements below this one, in order."""
         found = []
         for child in self.children:
-            wanted = tag in {None, child.tag} and all(
-                value in child.attributes.get("class", "").split()
-                if name == "class_"
-                else child.attributes.get(name) == value
-                for name, value in attributes.items()
-            )
+            wanted = tag in {None, child.tag} and attributes.items() <= child.attributes.items()
             found += [child] * wanted + child.all(tag, **attributes)
         return found
 
