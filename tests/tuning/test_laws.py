@@ -14,8 +14,8 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.user_law import UserLaw
 from tendonrepro.monte_carlo.population import population_of
-from tendonrepro.physics.control import error_rate
-from tendonrepro.physics.dynamics import frictionless
+from tendonrepro.physics.control import error_rate, start_memory
+from tendonrepro.physics.dynamics import frictionless, load_at_rest
 from tendonrepro.physics.instruments import Encoder
 from tendonrepro.simulation.loop import TimeDelayController
 from tendonrepro.simulation.stepper import simulate
@@ -30,7 +30,14 @@ from tendonrepro.tuning.bench import (
     measure,
     posed,
 )
-from tendonrepro.tuning.laws import EQUIVALENCES, LAWS, Equivalence, Gains, tuned_user_law
+from tendonrepro.tuning.laws import (
+    EQUIVALENCES,
+    LAWS,
+    Equivalence,
+    Gains,
+    super_twisting,
+    tuned_user_law,
+)
 
 M_BAR = [1e-3, 8e-4]
 NTSM = {"M_bar": M_BAR, "lam": [30.0], "eta": [17.0], "b": [0.9], "Delta": [0.2]}
@@ -127,6 +134,22 @@ def test_pid_is_the_textbooks() -> None:
     ours = simulate(loop)
     size = np.abs(ours["e"]).max(axis=0)
     assert (np.abs(own["e"] - ours["e"]).max(axis=0) < 0.03 * size).all()
+
+
+def test_super_twisting_by_hand() -> None:
+    """At rest beside the reference by 0.1 rad: s is 2 and −2, and the integral grows by L M_bar k_2."""
+    candidate = Candidate(LAWS["super_twisting"], PUBLISHED, GOOD["super_twisting"])
+    (loop,), nothing = loops_of(nominal(), candidate, 1), np.zeros(2)
+    given = nothing, np.array([0.1, -0.1]), nothing, nothing, loop.controller.law
+    tau, integral, s, de = super_twisting(start_memory(nothing, nothing), *given)
+    assert np.allclose([s, de, integral], [[2.0, -2.0], nothing, [0.01, -0.008]])
+    assert np.allclose(tau - integral, np.array([0.1, -0.08]) * 5.0 * np.sqrt(2.0))
+
+
+def test_the_known_torque_holds_the_arm_at_the_start_of_a_motion() -> None:
+    loop = nominal().loops[0]
+    torque, _ = known_along(loop.plant, loop.reference)
+    assert np.allclose(torque[0], load_at_rest(loop.reference.q_d[0], loop.plant))
 
 
 def test_super_twisting_on_lanes_is_the_function_itself() -> None:
