@@ -3,7 +3,7 @@
 =============  ==============================================================================================
 `read`         files, folders and archives; a reader for each format gives `tables`
 readers        `text`; `matlab`; `formats`, for HDF5, workbooks, LabVIEW and data packages
-`guess`        what columns are, by their names (`words`) and numbers; `suggestion`, as runs of a mapping
+`guess`        what columns are, by their names (`words`) and numbers, as runs of a mapping
 `mapping`      the mapping, read and checked
 `runs`         tables and a mapping become runs, on the clocks of their columns
 `ingestion`    what ``inspect`` and ``ingest`` do, of all these

@@ -1,20 +1,25 @@
-"""What columns of a table are, by their names and numbers."""
+"""What columns of tables are, by their names and numbers; their runs; and the text of a mapping."""
 
 from __future__ import annotations
 
 import json
+import math
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.from_base import MOST_JOINTS
 from tendonrepro.configuration.models.control import PAYLOAD
+from tendonrepro.configuration.published import published
+from tendonrepro.console import without_controls
 from tendonrepro.dataset import words
-from tendonrepro.dataset.mapping import LOOP_STEPS, UNIT, VARIABLE, Use, kind_of
-from tendonrepro.dataset.tables import Column, Columns
+from tendonrepro.dataset.mapping import CHECK, LOOP_STEPS, SCHEMA_VERSION, UNIT, VARIABLE, Use, kind_of
+from tendonrepro.dataset.runs import by_clock, by_rows, even_step, is_digitised, starts_again
+from tendonrepro.dataset.tables import BY_JOINT, Column, Columns
 
 _OF_JOINTS = {"q_d", "q_encoder", "q_calculated", "e"}
 _MOST_RADIANS = 3.2
@@ -24,6 +29,8 @@ _OF_ARRAY = re.compile(r"(.*)\[(\d+(?:,\d+)*)\]")
 _QUANTITIES = frozenset({"torque", "motor", "rate", "other"})
 """What a name around a column may say of its quantity."""
 _DERIVATIVE = re.compile(r"(.*?(?<![a-z]))(q|theta|θ)_?d_?(\d)(?!\d)", re.IGNORECASE)
+_READING_ERROR = 0.005
+"""Share of a curve's range by which it is taken to be misread."""
 
 
 @dataclass(eq=False)
@@ -79,12 +86,12 @@ class Guess:
         return self.is_numbers and self.variable is not None and not self.said.unknown
 
 
-def quoted(text: str) -> str:
+def _quoted(text: str) -> str:
     """A text in quotation marks, as YAML reads it."""
     return json.dumps(text, ensure_ascii=False)
 
 
-def around_of(name: str) -> list[str]:
+def _around_of(name: str) -> list[str]:
     """Names around a column, nearest first: sheet or struct, file, folders."""
     file, _, inner = name.partition(":")
     *folders, last = file.split("/")
@@ -93,23 +100,23 @@ def around_of(name: str) -> list[str]:
     return [*reversed(parts), stem, *reversed(folders)]
 
 
-def with_loads_inside(tables: Sequence[Columns]) -> set[tuple[str, ...]]:
+def _with_loads_inside(tables: Sequence[Columns]) -> set[tuple[str, ...]]:
     """Tables, files and folders in which a nearer name tells a load, so that their own tells none."""
     deciding: set[tuple[str, ...]] = set()
     for table in tables:
-        places = tuple(around_of(table.name))
+        places = tuple(_around_of(table.name))
         loads = [any(words.meaning_of(_PLACE.sub("", name)).payload for name in table)]
         loads += [bool(words.meaning_of(place, around=True).payload) for place in places]
         deciding |= {places[depth:] for depth in range(len(places) + 1) if any(loads[: depth + 1])}
     return deciding
 
 
-def guesses_of(table: Columns, deciding: set[tuple[str, ...]]) -> list[Guess]:
+def _guesses_of(table: Columns, deciding: set[tuple[str, ...]]) -> list[Guess]:
     """Guess every column of a table.
 
     A name around the table does not tell the load of its run where a nearer one of `deciding` does.
     """
-    places = around_of(table.name)
+    places = _around_of(table.name)
     around = [words.meaning_of(part, around=True) for part in places]
     around = [
         replace(said, payload=None) if tuple(places[depth:]) in deciding else said
@@ -143,7 +150,7 @@ def _named(table: Columns, name: str, around: Sequence[words.Meaning]) -> Guess:
     inside = len(around) - len(table.name.partition(":")[0].split("/"))
     says = _with_context(said, around, inside)
     return Guess(
-        table, name, said, says, joint, words.variable_of(says), _runs_of(table.name, [said, *around])
+        table, name, said, says, joint, words.variable_of(says), _runs_named(table.name, [said, *around])
     )
 
 
@@ -223,7 +230,7 @@ def _take_rates(columns: Sequence[Guess]) -> None:
             is_desired = (other.variable, other.joint) == ("q_d", column.joint)
             beside += [other.column] if is_desired and not _DERIVATIVE.search(other.column) else []
         if beside or "measured" in angle.says:
-            why = f"stands beside {quoted(beside[0])}" if beside else "is of what was measured"
+            why = f"stands beside {_quoted(beside[0])}" if beside else "is of what was measured"
             column.variable = "dq_d" if words.variable_of(angle.says) == "q_d" else "dq"
             column.check = f"{why}, taken as a velocity; else q_d {column.joint} deg"
 
@@ -314,7 +321,7 @@ def _checks(column: Guess) -> Iterator[str]:
         yield f"{column.numbered}; else {replace(use, joint=0)}"
 
 
-def _runs_of(name: str, telling: Sequence[words.Meaning]) -> dict[str, float | None]:
+def _runs_named(name: str, telling: Sequence[words.Meaning]) -> dict[str, float | None]:
     """Run, and its payload, by the nearest name that says it, else by the table."""
     controller = next((said.controller for said in telling if said.controller is not None), None)
     payload = next((said.payload for said in telling if said.payload is not None), None)
@@ -323,3 +330,211 @@ def _runs_of(name: str, telling: Sequence[words.Meaning]) -> dict[str, float | N
     if any("decouple" in said.says for said in telling):
         return {"decouple": payload}
     return {re.sub(r"\W+", "_", name).strip("_") or "run": payload}
+
+
+Lines: TypeAlias = dict[str, Guess]
+"""Columns by their names in a mapping."""
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """A guessed mapping: its text; of its runs the number of columns; lines for other columns, and why."""
+
+    text: str
+    runs: dict[str, int]
+    left: list[str]
+
+
+@dataclass
+class RunGuess:
+    """A run that is suggested.
+
+    `columns` are its guesses, or columns that a person has to fill in, since there are no others; `extras`,
+    further keys and their text; `check`, what to look at beside its name.
+    """
+
+    name: str
+    columns: list[Guess] = field(default_factory=list)
+    extras: dict[str, str] = field(default_factory=dict)
+    check: str = ""
+
+    @property
+    def known(self) -> list[Guess]:
+        """Its columns that are not asked."""
+        return [guess for guess in self.columns if not guess.asked]
+
+    @property
+    def signals(self) -> int:
+        """Number of its guessed columns that are no times."""
+        return sum(guess.use.variable != "time" for guess in self.known)
+
+    @property
+    def tables(self) -> list[Columns]:
+        """Its tables, each once."""
+        return list({guess.table.name: guess.table for guess in self.columns}.values())
+
+
+def guess_mapping(tables: Sequence[Columns], title: str) -> Suggestion:
+    """Guess which column is which variable, and which are those of a run."""
+    names = {table.name for table in tables}
+    tables = [table for table in tables if not names & {f"{table.name}{mark}{BY_JOINT}" for mark in ":."}]
+    deciding = _with_loads_inside(tables)
+    guesses = [guess for table in tables for guess in _guesses_of(table, deciding)]
+    runs: dict[str, RunGuess] = {}
+    left: list[str] = []
+    for guess in sorted(guesses, key=lambda guess: bool(guess.asked)):
+        for name, payload in guess.runs.items():
+            run = runs.setdefault(name, RunGuess(name))
+            mass = payload or math.nan
+            if not run.columns and not math.isnan(mass) and mass != published().number("hardware.payload"):
+                run.extras["payload_mass_kg"] = f"{mass:g}"
+            if why := _left_out(run, guess):
+                left.append(f"{_quoted(guess.column)}: {guess.use}  # {why}")
+            else:
+                run.columns.append(guess)
+    runs = {name: run for name, run in runs.items() if run.signals or len(run.known) < len(run.columns)}
+    parts = [part for run in _with_desired(runs) for part in _parts(run)]
+    left = list(dict.fromkeys(left))
+    # YAML takes control characters nowhere, not even in the comments that quote a column's name.
+    text = without_controls("\n".join(_written(parts, left, title)) + "\n")
+    return Suggestion(text, {part.name: part.signals for part in parts}, left)
+
+
+def _left_out(run: RunGuess, guess: Guess) -> str:
+    """Why a run does without a column, or an empty text."""
+    if guess.asked:
+        return guess.asked if run.signals else ""
+    twin = next((other for other in run.columns if other.use.signal == guess.use.signal), None)
+    if twin is None or guess.use.variable == "time":
+        return ""
+    if guess.table is twin.table and not np.array_equal(guess.values, twin.values, equal_nan=True):
+        # Another column of a table says the same of other numbers.
+        variable = twin.use.variable
+        other = replace(twin.use, variable={"q_encoder": "q_d", "q_d": "q_encoder"}.get(variable, variable))
+        check = f"{_quoted(guess.column)} says the same; one of the two may be {other}"
+        doubted = replace(twin, check="; ".join(filter(None, [twin.check, check])))
+        run.columns[run.columns.index(twin)] = doubted
+    return f"taken from {twin.column}"
+
+
+def _with_desired(runs: Mapping[str, RunGuess]) -> list[RunGuess]:
+    """Runs, where desired angles that lie apart and name no controller are given to controllers without."""
+    variables = {name: {guess.use.variable for guess in run.known} for name, run in runs.items()}
+    named = [name for name in runs if name.startswith("controller_")]
+    apart = [run for name, run in runs.items() if name not in named and variables[name] == {"time", "q_d"}]
+    lacking = [runs[name] for name in named if "q_d" not in variables[name]]
+    if not named and len(apart) > 1:
+        lacking = [RunGuess("desired")]
+    columns = [guess for run in apart for guess in run.columns]
+    signals = [guess.use.signal for guess in columns if guess.use.joint]
+    if not apart or not lacking or len({*signals}) < len(signals):
+        return [*runs.values()]
+    for run in lacking:
+        run.columns += columns
+        run.check = f"desired angles from {', '.join(other.name for other in apart)}"
+    return lacking + [run for run in runs.values() if run not in lacking + apart]
+
+
+def _parts(run: RunGuess) -> Iterator[RunGuess]:
+    """Runs below each other in one table, where its time starts again; else the run, and what it needs."""
+    errors: dict[str, float] = {}
+    for table in list({id(guess.table): guess.table for guess in run.known}.values()):
+        uses = {guess.column: guess.use for guess in run.known if guess.table is table}
+        by_time = by_clock(table, uses)
+        for clock, columns in by_time.items():
+            if clock is None:
+                said = f"no times in {table.name}: write the step in s, as 0.001"
+                run.extras.setdefault("step_s", f"STEP  # FILL IN: {said}")
+                continue
+            (rows, _), *_ = by_rows(table, columns)
+            time = uses[clock].to_si * table[clock][rows]
+            if is_digitised(time) or len(by_time) > 2:
+                for column in columns:
+                    use, values = uses[column], table[column]
+                    if kind_of(use.variable) == "angle":
+                        size = math.degrees(use.to_si) * float(np.ptp(values[np.isfinite(values)]))
+                        errors[use.variable] = max(errors.get(use.variable, 0.0), _READING_ERROR * size)
+            elif step := even_step(time):
+                said = (
+                    "the times repeat, so they are rounded; this makes them from the numbers of the samples"
+                )
+                run.extras["step_s"] = f"{step:.6g}  {CHECK} {said}"
+            elif len(run.tables) == len(by_time) == 1 and (again := len(starts_again(time))):
+                for part in range(1, again + 2):
+                    check = f"the time starts again: stretch {part} of {again + 1}"
+                    extras = run.extras | {"part": str(part)}
+                    yield replace(run, name=f"{run.name}_{part}", extras=extras, check=check)
+                return
+    if errors:
+        told = ", ".join(f"{name}: {error:.2g}" for name, error in errors.items())
+        said = "its times are uneven, so it was read off a figure, to half a percent of each curve's range"
+        run.extras["reading_error_deg"] = f"{{{told}}}  {CHECK} {said}; else delete this line"
+    yield run
+
+
+def _written(runs: Sequence[RunGuess], left: Sequence[str], title: str) -> Iterator[str]:
+    """Lines of a mapping; those of `left` are comments."""
+    shared: Lines = {}
+    sharing: list[RunGuess] = []
+    for run in runs:
+        # What is shared is taken from every table that holds it.
+        together = _lines_of(run) | shared
+        if all(_taken(together, other) == _taken(_lines_of(other), other) for other in (*sharing, run)):
+            shared = together
+            sharing.append(run)
+    yield f"schema_version: {SCHEMA_VERSION}"
+    yield f"title: {_quoted(title)}"
+    if shared:
+        yield "columns:"
+        yield from _column_lines(shared, "  ")
+    yield "runs:" if runs else "runs: {}  # FILL IN: no column was known; write controller_1 and its file"
+    for run in runs:
+        names = [_quoted(table.name) for table in run.tables]
+        sources = names[0] if len(names) == 1 else f"[{', '.join(names)}]"
+        check = _check_of_run(run)
+        mark = f"  {CHECK} {check}" if check else ""
+        inner = [f"    {key}: {text}" for key, text in run.extras.items()]
+        if run not in sharing:
+            inner += ["    columns:", *_column_lines(_lines_of(run), "      ")]
+        yield from (
+            [f"  {run.name}:{mark}", f"    sources: {sources}", *inner]
+            if inner
+            else [f"  {run.name}: {sources}{mark}"]
+        )
+    if left:
+        yield "# Left out, and why. To use a column, move its line under columns."
+        yield from (f"#   {line}" for line in left)
+
+
+def _lines_of(run: RunGuess) -> Lines:
+    """Columns of a run, with the table where two share a column's name."""
+    lines: Lines = {}
+    for guess in run.columns:
+        others = (other for other in run.known if other.column == guess.column)
+        is_shared = not guess.asked and any(other.use != guess.use for other in others)
+        lines.setdefault(f"{guess.table.last}:{guess.column}" if is_shared else guess.column, guess)
+    return lines
+
+
+def _taken(lines: Lines, run: RunGuess) -> dict[str, str]:
+    """What a run would take by lines, from any of its tables."""
+    names = {name for table in run.tables for name in table.named(lines)}
+    return {name: str(guess.use) for name, guess in lines.items() if name in names}
+
+
+def _check_of_run(run: RunGuess) -> str:
+    checks = [run.check] if run.check else []
+    if not re.fullmatch(r"controller_[123](_payload)?|decouple", run.name):
+        checks.append("no controller named; if it is one, write controller_1, _2 or _3 before the colon")
+    else:
+        telling = [words.meaning_of(part, around=True) for part in _around_of(run.tables[0].name)]
+        unknown = [word for meaning in telling if meaning.controller for word in meaning.unknown]
+        checks += [f"not known: {', '.join(unknown)}; taken as {run.name}, else rename it"] if unknown else []
+    return "; ".join(checks)
+
+
+def _column_lines(columns: Lines, indent: str) -> Iterator[str]:
+    for name, guess in columns.items():
+        check = f"  {CHECK} {guess.check}" if guess.check else ""
+        mark = f"  # FILL IN, or delete: {guess.asked}" if guess.asked else check
+        yield f"{indent}{_quoted(name)}: {guess.use}{mark}"

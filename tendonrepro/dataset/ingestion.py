@@ -16,10 +16,10 @@ from tendonrepro.configuration.published import COMPARED, coupling_of, published
 from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.console import Talk, count_of
 from tendonrepro.dataset import motion, windows
+from tendonrepro.dataset.guess import guess_mapping
 from tendonrepro.dataset.mapping import confirmed, parse_mapping
 from tendonrepro.dataset.read import read_files
 from tendonrepro.dataset.runs import runs_of
-from tendonrepro.dataset.suggestion import guess_mapping
 from tendonrepro.dataset.tables import Columns
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import Json, refuse_existing, write_atomically

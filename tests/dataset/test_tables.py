@@ -20,7 +20,6 @@ TABLE = {"t": [0.0, 1.0, 2.0], "q": [1.5, 2.5, 3.5]}
 SPELLINGS = {
     "pipe": "t | q\n0 | 1.5\n1 | 2.5\n2 | 3.5\n",
     "blanks": "  t   q\n  0   1.5\n  1   2.5\n 2   3.5\n",
-    "comma and blank": "t, q\n0, 1.5\n1, 2.5\n2, 3.5\n",
     "decimal comma, blanks": "t q\n0,0 1,5\n1,0 2,5\n2,0 3,5\n",
     "line ends of Windows": "t,q\r\n0,1.5\r\n1,2.5\r\n2,3.5\r\n",
     "line ends of old Macs": "t,q\r0,1.5\r1,2.5\r2,3.5",
@@ -29,9 +28,6 @@ SPELLINGS = {
     "comments": "% made up\n// nothing\nt,q\n0,1.5\n# pause\n1,2.5\n2,3.5\n",
     "names in a comment": "# t q\n0 1.5\n1 2.5\n2 3.5\n",
     "preamble": "SYNTHETIC\nDate: today\n\nt,q\n0,1.5\n1,2.5\n2,3.5\n",
-    "settings above": "Rate,1000\nGain,2.5\n\nt,q\n0,1.5\n1,2.5\n2,3.5\n",
-    "LabVIEW": "LabVIEW Measurement\t\n"
-    "Samples\t1000\t1000\n***End_of_Header***\t\nt\tq\tComment\n0\t1.5\n1\t2.5\n2\t3.5\n",
     "hint of Excel": "sep=;\nt;q\n0;1.5\n1;2.5\n2;3.5\n",
     "byte order mark": "\ufefft,q\n0,1.5\n1,2.5\n2,3.5\n",
     "minus sign of typesetters": "t,q\n−0,1.5\n1,2.5\n2,3.5\n",
@@ -60,8 +56,8 @@ DEGREE = "t;q [°]\n" + "0;1\n" * FEWEST
     ("table", "encoding"),
     [
         *((CHINESE, encoding) for encoding in ("utf-8", "utf-8-sig", "utf-16", "gbk", "gb18030")),
-        *((GERMAN, encoding) for encoding in ("utf-8", "cp1252")),
-        *((DEGREE, encoding) for encoding in ("utf-8", "cp1252")),
+        (GERMAN, "cp1252"),
+        (DEGREE, "cp1252"),
     ],
 )
 def test_names_come_through_in_every_encoding(table, encoding, tmp_path):
