@@ -23,7 +23,6 @@ CASES = [
     ("controller_2", 0.0, 1, True),
     ("controller_2", 0.2, 2, False),
 ]
-APPLIED = "control.readings.stored_torque=applied"
 
 
 @cache
@@ -137,56 +136,44 @@ class TestDiskMargin:
         assert np.all(bound <= np.linalg.norm(M, 2, axis=(1, 2)) * 1.05)
 
 
-class TestSlowError:
-    @pytest.mark.parametrize("delay", [0, 1, 2])
-    @pytest.mark.parametrize(
-        "reading",
+@pytest.mark.parametrize("delay", [0, 1, 2])
+@pytest.mark.parametrize(
+    "reading",
+    [
+        "weights=interpolating",
+        "weights=extrapolating",
+        "weights=swapped",
+        "stored_torque=applied",
+        "delay_time=two_periods",
+        "estimate_filter=estimate",
+        "estimate_filter=acceleration",
+    ],
+)
+def test_ratio_under_a_slow_load_is_the_inverse_of_loop_gains(reading, delay):
+    """The linear loop, frequency towards zero, says the same as the closed form."""
+    changed, plant = config(f"control.readings.{reading}"), build_plant(config(), 0.0)
+    laws = [build_law(changed, f"controller_{k}") for k in (1, 2, 3)]
+    angle = 2.0 * np.pi * L * np.array([2e-4])
+    gains = [
         [
-            "weights=interpolating",
-            "weights=extrapolating",
-            "weights=swapped",
-            "stored_torque=applied",
-            "delay_time=two_periods",
-            "estimate_filter=estimate",
-            "estimate_filter=acceleration",
-        ],
-    )
-    def test_is_the_inverse_ratio_of_loop_gains(self, reading, delay):
-        """The linear loop, frequency towards zero, says the same as the closed form."""
-        changed, plant = config(f"control.readings.{reading}"), build_plant(config(), 0.0)
-        laws = [build_law(changed, f"controller_{k}") for k in (1, 2, 3)]
-        angle = 2.0 * np.pi * L * np.array([2e-4])
-        gains = [
-            [
-                np.abs(response(channel(open_loop(POSTURE, plant, law, delay), joint), angle)).item()
-                for joint in (0, 1)
-            ]
-            for law in laws
+            np.abs(response(channel(open_loop(POSTURE, plant, law, delay), joint), angle)).item()
+            for joint in (0, 1)
         ]
-        for a, b in ((0, 1), (1, 2)):
-            predicted = error_ratio(laws[a], laws[b], 1e-7, delay)
-            np.testing.assert_allclose(np.divide(gains[b], gains[a]), predicted, rtol=1e-3)
+        for law in laws
+    ]
+    for a, b in ((0, 1), (1, 2)):
+        predicted = error_ratio(laws[a], laws[b], 1e-7, delay)
+        np.testing.assert_allclose(np.divide(gains[b], gains[a]), predicted, rtol=1e-3)
 
-    @pytest.mark.parametrize(
-        ("changes", "pair", "tolerance"),
-        [
-            ((APPLIED, "manipulator.actuator.output_delay=1"), (1, 2), 0.006),
-            (("control.readings.phi_branch=power",), (2, 3), 0.02),
-        ],
-    )
-    def test_nonlinear_simulation_agrees(self, changes, pair, tolerance):
-        """One slow stroke of the full plant with an ideal encoder and viscous friction."""
-        found = load_config(
-            "plain", "compare", overrides=(*SMOOTH, *changes, one_stroke(8)), controllers=pair
-        )
-        loops = dict(build_loops(found.config, found.folder))
-        names = [f"controller_{k}" for k in pair]
-        a, b = (simulate(loops[name])["e"][1000:] for name in names)
-        sizes = np.sqrt((b * b).mean(axis=0))
-        laws = [build_law(found.config, name) for name in names]
-        delay = int(found.config.manipulator.actuator.output_delay.si)
-        # The power branch bends, so each joint is judged at the size of its own error.
-        predicted = [error_ratio(*laws, float(size), delay)[i] for i, size in enumerate(sizes)]
-        fitted = (a * b).sum(axis=0) / (b * b).sum(axis=0)
-        np.testing.assert_allclose(fitted, predicted, atol=tolerance)
-        assert np.all(np.abs(fitted - 1.0) > 3.0 * tolerance)
+
+def test_ratio_at_the_size_of_errors_on_a_bent_surface():
+    """One slow stroke of the full plant with an ideal encoder and viscous friction."""
+    changes = (*SMOOTH, "control.readings.phi_branch=power", one_stroke(8))
+    found = load_config("plain", "compare", overrides=changes, controllers=(2, 3))
+    loops = dict(build_loops(found.config, found.folder))
+    a, b = (simulate(loops[f"controller_{k}"])["e"][1000:] for k in (2, 3))
+    sizes, fitted = np.sqrt((b * b).mean(axis=0)), (a * b).sum(axis=0) / (b * b).sum(axis=0)
+    laws = [build_law(found.config, f"controller_{k}") for k in (2, 3)]
+    predicted = [error_ratio(*laws, float(size))[i] for i, size in enumerate(sizes)]
+    np.testing.assert_allclose(fitted, predicted, atol=0.02)
+    assert np.all(np.abs(fitted - 1.0) > 0.06)
