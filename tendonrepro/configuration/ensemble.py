@@ -25,10 +25,10 @@ from tendonrepro.configuration.strict_yaml import Key, Node, Tree
 from tendonrepro.errors import ConfigError, UsageError, did_you_mean
 from tendonrepro.physics.trajectory import trapezoid_times
 
-_ALIKE = ("link_static_ratio", "winch_static_ratio", "winch_stribeck_velocity", "reducer_efficiency")
-_DRIVES = ("torque_resolution", "torque_noise")
+_HELD = ("link_static_ratio", "winch_static_ratio", "winch_stribeck_velocity", "reducer_efficiency")
+_HELD_DRIVES = ("torque_resolution", "torque_noise")
 ROWS: Mapping[str, str] = {
-    row.key: name for name, row in {**PER_JOINT, **SHARED}.items() if name not in (*_ALIKE, *_DRIVES)
+    row.key: name for name, row in {**PER_JOINT, **SHARED}.items() if name not in _HELD + _HELD_DRIVES
 }
 """Rows of the box that vary around an arm, by the arm's keys; what an arm has off stays off."""
 

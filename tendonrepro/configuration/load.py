@@ -81,9 +81,8 @@ def find_source(source: ConfigLike, kind: str | None) -> ConfigSource:
     path = Path(origin)
     if source is None or (origin in shipped_names() and not path.is_file()):
         path = shipped_file(origin)
-    return ConfigSource(
-        strict_yaml.read_text(path, f"Shipped ones, by name: {', '.join(shipped_names())}"), origin, path
-    )
+    hint = f"Shipped configurations, by name: {', '.join(shipped_names())}"
+    return ConfigSource(strict_yaml.read_text(path, hint), origin, path)
 
 
 def find_file(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias, TypeVar
 
@@ -136,18 +136,25 @@ PER_ENTRY: Mapping[Size, str] = {
 }
 
 
+def quantities(part: object, path: Key = ()) -> Iterator[tuple[Key, Quantity, Sequence[object]]]:
+    """Every quantity in a model or dict: its path, itself, and what its field says of it."""
+    inner = part.items() if isinstance(part, dict) else part if isinstance(part, Model) else ()
+    for name, value in inner:
+        if isinstance(value, Quantity):
+            yield (*path, name), value, type(part).model_fields[name].metadata  # type: ignore[attr-defined]
+        else:
+            yield from quantities(value, (*path, name))
+
+
 def wrong_sizes(part: object, sizes: Mapping[Size, int]) -> Mistakes:
     """Mistakes of all vectors and matrices in a model or dict; `sizes` holds what is known."""
-    if isinstance(part, Quantity) and part.size in sizes:
-        lengths = {len(part.value), *map(len, part.value if isinstance(part, Matrix) else ())}
-        if lengths != {sizes[part.size]}:
-            there_are = " and ".join(map(str, sorted(lengths)))
-            many = count_of(sizes[part.size], "entry", "entries")
-            yield ("value",), f"must have {many}, {PER_ENTRY[part.size]}, found {there_are}"
-    elif isinstance(part, Model | dict) and not isinstance(part, Quantity):
-        for name, item in part.items() if isinstance(part, dict) else part:
-            for place, words in wrong_sizes(item, sizes):
-                yield (name, *place), words
+    for path, quantity, _ in quantities(part):
+        if quantity.size in sizes:
+            lengths = {len(quantity.value), *map(len, quantity.value if isinstance(quantity, Matrix) else ())}
+            if lengths != {sizes[quantity.size]}:
+                there_are = " and ".join(map(str, sorted(lengths)))
+                many = count_of(sizes[quantity.size], "entry", "entries")
+                yield (*path, "value"), f"must have {many}, {PER_ENTRY[quantity.size]}, found {there_are}"
 
 
 # Name of a limit in the JSON schema, and what it admits.
@@ -247,16 +254,12 @@ class Physical:
         }
 
 
-def unusual(part: object, path: Key = ()) -> Mistakes:
+def unusual(part: object) -> Mistakes:
     """Say of each quantity in a model that it is far from what is usual."""
-    inner = part.items() if isinstance(part, dict) else part if isinstance(part, Model) else ()
-    for name, value in inner:
-        if isinstance(part, Model) and isinstance(value, Quantity):
-            for rule in type(part).model_fields[name].metadata:
-                if isinstance(rule, Physical) and (words := rule.unusual(value)):
-                    yield (*path, name), words
-        else:
-            yield from unusual(value, (*path, name))
+    for path, quantity, rules in quantities(part):
+        for rule in rules:
+            if isinstance(rule, Physical) and (words := rule.unusual(quantity)):
+                yield path, words
 
 
 positive = partial(Physical, above=0.0)
