@@ -36,7 +36,7 @@ _MOST_POINTS = 5000
 _FINEST = 0.02
 """Step of the grid on which curves are put, at most, s."""
 
-Series: TypeAlias = dict[Use, tuple[Array, Array]]
+Curves: TypeAlias = dict[Use, tuple[Array, Array]]
 """Times, s, and values, SI, of each signal."""
 
 
@@ -108,9 +108,9 @@ def _run(contents: Contents, name: str, run: RunMapping) -> tuple[Trace, list[st
     )
 
 
-def _series_of(contents: Contents, run: RunMapping) -> tuple[Series, list[str]]:
+def _series_of(contents: Contents, run: RunMapping) -> tuple[Curves, list[str]]:
     """Signals of a run, each of the first table that has it, and notes on what was left out."""
-    series: Series = {}
+    series: Curves = {}
     notes: list[str] = []
     for source in run.sources:
         table = _table(contents, source)
@@ -146,9 +146,9 @@ def _table(contents: Contents, name: str) -> Columns:
     raise ConfigError(message, hint=f"tables: {', '.join(table.name for table in contents.tables)}")
 
 
-def _of_table(table: Columns, uses: dict[str, Use], run: RunMapping) -> tuple[Series, list[str]]:
+def _of_table(table: Columns, uses: dict[str, Use], run: RunMapping) -> tuple[Curves, list[str]]:
     """Signals of one table, and notes on what was left out."""
-    series: Series = {}
+    series: Curves = {}
     notes: list[str] = []
     rows = rows_of(table, run)
     for clock, together in by_clock(table, uses).items():
@@ -169,7 +169,7 @@ def _of_table(table: Columns, uses: dict[str, Use], run: RunMapping) -> tuple[Se
     return series, notes
 
 
-def _on_one_clock(series: Series) -> tuple[Array, dict[Use, Array], list[str]]:
+def _on_one_clock(series: Curves) -> tuple[Array, dict[Use, Array], list[str]]:
     """All on the first signal's times, as far as others go."""
     times = [time for time, _ in series.values()]
     first = times[0]

@@ -65,9 +65,7 @@ def read_text_table(path: Path) -> Tables:
         columns.notes.append("bytes that are no UTF-8 were replaced")
     frame, too_long = _read(path, layout)
     if too_long:
-        columns.notes.append(
-            f"{len(too_long)} lines with more cells than columns left out, the first is {min(too_long)}"
-        )
+        columns.notes.append(f"{too_long} lines with more cells than columns left out")
     words = [k for k in range(len(layout.names)) if frame[k].dtype.kind not in "biuf"]
     if words:
         # Cells that are no plain numbers are read once more, as they are written.
@@ -202,8 +200,8 @@ def _note_on(rows: pd.DataFrame) -> list[str]:
     return [f"{len(rows)} rows without a number left out, the first {words[0][:40]!r}"] if words else []
 
 
-def _read(path: Path, layout: Layout, **chosen: Any) -> tuple[pd.DataFrame, list[int]]:
-    """Cells below the header, and the numbers of lines that have too many."""
+def _read(path: Path, layout: Layout, **chosen: Any) -> tuple[pd.DataFrame, int]:
+    """Cells below the header, and how many lines have too many."""
     with (
         path.open(encoding=layout.encoding, errors="replace") as stream,
         warnings.catch_warnings(record=True) as caught,
@@ -223,10 +221,5 @@ def _read(path: Path, layout: Layout, **chosen: Any) -> tuple[pd.DataFrame, list
             on_bad_lines="warn",
             **chosen,
         )
-    too_long = [
-        layout.skipped + int(number)
-        for warning in caught
-        if issubclass(warning.category, pd.errors.ParserWarning)
-        for number in re.findall(r"line (\d+)", str(warning.message))
-    ]
-    return frame, too_long
+    told = [str(warning.message) for warning in caught if warning.category is pd.errors.ParserWarning]
+    return frame, "".join(told).count("Skipping line")
