@@ -333,6 +333,16 @@ def test_a_name_with_characters_that_yaml_refuses_stands_in_a_mapping(tmp_path):
         assert found["runs"]["controller_1"]["joints"], mapping
 
 
+def test_a_curve_follows_the_times_to_its_left(tmp_path):
+    late = np.round(T + 0.05, 2)
+    angle = 30.0 * np.sin(np.pi * late / 4.0) ** 2 - 0.3 * np.sin(np.pi * late / 2.0)
+    rows = np.column_stack([T, DESIRED[2], late, angle])
+    found, _, _ = ingested(tmp_path, ".csv", "time_ref (s),q2_ref (deg),time (s),q2 (deg)\n" + lines(rows))
+    # The first 0.05 s, where the error is small, has no measured angle.
+    assert mae(found) == [np.abs(ERROR[2])[5:].mean()]
+    assert any("interpolated" in note for note in found["notes"])
+
+
 def test_columns_of_one_name_are_asked(tmp_path):
     rows = NUMBERS[:, :3]
     _, _, mapping = ingested(tmp_path, ".csv", "time (s),q2 (deg),q2 (deg)\n" + lines(rows))
