@@ -39,6 +39,7 @@ _IDENTIFIED = ("identified: Tables 2 and 3, misfit", "identified: Controller 2 o
 """How the source of a value begins that was fitted to the print."""
 
 _LONGEST_CHANGES = 60
+_NO_RANGE = np.nan, np.nan
 
 OTHER_BASE = (
     "The base has not the paper's arm, gains and payload, or its runs start apart or with other friction. So "
@@ -106,16 +107,10 @@ def _shipped_motions() -> list[object]:
     return [load(text, "configuration").get("reference") for text in texts]
 
 
-def of_paper(file: TraceFile, trace: Trace | None = None) -> bool:
-    """Whether a run is the paper's own experiment; without a run, whether its arm is the paper's.
-
-    Of a measurement the arm alone is known.
-    """
-    plant = file.plant
-    S_inv = plant.values["S_inv"].value if "S_inv" in plant.values else None
-    if not _arm_of_paper(plant.attributes.get("arm"), S_inv):
-        return False
-    return trace is None or file.source == "measured" or bool(trace.attributes["printed_row"])
+def of_paper(file: TraceFile) -> bool:
+    """Whether the arm of a file is the paper's; a run that is the paper's has a ``printed_row``."""
+    S_inv = file.plant.values.get("S_inv")
+    return _arm_of_paper(file.plant.attributes.get("arm"), None if S_inv is None else S_inv.value)
 
 
 def fitted_under(file: TraceFile) -> str | None:
@@ -200,7 +195,7 @@ def changed_readings(readings: Mapping[str, str]) -> list[str]:
     ]
 
 
-def beside(file: TraceFile, trace: Trace) -> tuple[dict[str, Array], dict[str, Array]]:
+def beside(trace: Trace) -> tuple[dict[str, Array], dict[str, Array]]:
     """What stands beside the errors of a run, degrees, (n,) each; NaN where nothing does.
 
     Returns
@@ -212,17 +207,15 @@ def beside(file: TraceFile, trace: Trace) -> tuple[dict[str, Array], dict[str, A
         that are stable under all controllers, with the equations as printed (docs/verdicts.md). They are of
         whole runs that start on their reference.
     """
-    row = trace.attributes.get("printed_row") or row_of(trace.name)
-    papers = of_paper(file, trace)
-    as_printed = papers and not changed_readings(trace.attributes["readings"]) and not _differs(trace)
+    row = trace.attributes.get("printed_row", "")
+    as_printed = row and not changed_readings(trace.attributes["readings"]) and not _differs(trace)
     printed: dict[str, Array] = {}
     plausible: dict[str, Array] = {}
     for metric in METRICS:
-        numbers = published().per_joint(f"{row}.{metric}", trace.joint)
-        printed[f"{metric}_deg"] = np.where(papers, numbers, np.nan)
+        printed[f"{metric}_deg"] = np.array(published().per_joint(f"{row}.{metric}", trace.joint))
         names = [f"{row}.{metric}.joint_{joint}" for joint in trace.joint]
-        ends = np.array([_ranges().get(name, (np.nan, np.nan)) for name in names])
-        low, high = np.where(as_printed, ends, np.nan).T
+        ends = [_ranges().get(name, _NO_RANGE) if as_printed else _NO_RANGE for name in names]
+        low, high = np.array(ends).T
         plausible |= {f"{metric}_low_deg": low, f"{metric}_high_deg": high}
     return printed, plausible
 

@@ -107,9 +107,7 @@ def _of_comparison(file: TraceFile) -> Iterator[Table]:
         ("table3", "load", loads, loaded),
     ):
         rows = [
-            {key: run} | row
-            for run, trace in runs.items()
-            for row in _by_joint(trace, error_columns(file, trace))
+            {key: run} | row for run, trace in runs.items() for row in _by_joint(trace, error_columns(trace))
         ]
         caption = f"{about} {over}{_of_motors(file)}"
         caption = f"Table {name[-1]}, {caption}" if of_paper(file) else caption[0].upper() + caption[1:]
@@ -173,8 +171,8 @@ def table_data(file: TraceFile) -> dict[str, object]:
         **of_rows(lambda trace: _columns(summary.table_errors(trace))),
         "errors_from": left_out(file),
         "windows": windows,
-        "printed": of_rows(lambda trace: beside(file, trace)[0]),
-        "plausible": of_rows(lambda trace: beside(file, trace)[1]),
+        "printed": of_rows(lambda trace: beside(trace)[0]),
+        "plausible": of_rows(lambda trace: beside(trace)[1]),
         "ranking": summary.ranking(file),
         "fitted_under": fitted_under(file),
     }
@@ -194,12 +192,12 @@ def _columns(sizes: Sizes) -> Sizes:
     return {f"{name}_deg": values for name, values in sizes.items()}
 
 
-def error_columns(file: TraceFile, trace: Trace) -> Sizes:
+def error_columns(trace: Trace) -> Sizes:
     """`ERRORS` of a run, (n,) each, and where known what stands `beside` them.
 
     The print is ``<metric>_printed_deg``, ours over it ``<metric>_ratio``.
     """
-    printed, plausible = beside(file, trace)
+    printed, plausible = beside(trace)
     columns = _columns(summary.table_errors(trace))
     columns |= {name: ends for name, ends in plausible.items() if np.isfinite(ends).any()}
     for metric in METRICS:
@@ -260,7 +258,7 @@ def _as_printed(file: TraceFile, trace: Trace) -> TableRow:
     """Errors of a run as the paper prints them, each cell ``joint 2/joint 3``."""
     all_ok = all(run.status == "ok" for run in file.runs.values())
     cells: TableRow = {"status": None if all_ok else trace.told_status}
-    columns = _lists(error_columns(file, trace))
+    columns = _lists(error_columns(trace))
     for metric in METRICS:
         for which in ("", "_printed"):
             if sizes := columns.get(f"{metric}{which}_deg"):

@@ -14,7 +14,6 @@ from tendonrepro.configuration.models.control import FIRST, LOADED, SECOND, THIR
 from tendonrepro.configuration.published import METRICS
 from tendonrepro.physics.metrics import START, mae, max_abs, rmse, windows, without_start
 from tendonrepro.physics.statics import slack_time, tendon_tension
-from tendonrepro.results.paper import of_paper
 from tendonrepro.results.records import Trace, TraceFile, median_step
 from tendonrepro.simulation import streaming
 
@@ -184,7 +183,7 @@ def ranking(file: TraceFile) -> dict[str, dict[str, RunOrder]]:
     """
     known = [file.runs[name] for name in CONTROLLERS if name in file.runs]
     runs = known + [trace for trace in compared_runs(file).values() if is_user_law(trace)]
-    papers = len(known) > 1 and all(of_paper(file, trace) for trace in known)
+    papers = len(known) > 1 and all(trace.attributes.get("printed_row") for trace in known)
     result: dict[str, dict[str, RunOrder]] = {}
     for metric in METRICS if len(runs) > 1 else ():
         sizes = np.array([table_errors(trace)[metric] for trace in runs])
