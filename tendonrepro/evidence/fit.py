@@ -338,23 +338,36 @@ def _remembered(parameters: Array, hypothesis: Hypothesis) -> Array:
 def _without_errors(
     factor: Array, parameters: Array, errors: Array, hypothesis: Hypothesis, near: Array | None = None
 ) -> Array:
-    """Parameters that fit best where errors have added `errors` to the products of columns.
+    """Parameters that fit best where `errors` are the products of errors in the columns.
 
-    They are infinite where the columns are nothing but errors. With more errors than these `parameters` leave
-    over, the record is finer than its steps say, and they stay.
+    What `parameters` leave beyond these is taken for an error of the newest torque alone. The search begins
+    `near` some, else from several starts.
     """
-    values = np.append(coefficients(parameters, hypothesis), -1.0)
-    if values @ errors @ values > np.sum((factor @ values) ** 2):
-        return parameters
-    if near is not None and not np.isfinite(near).all():
-        return near
-    # R' R - E = R' (1 - R^-T E R^-1) R, which squares no small numbers.
-    inverse = np.linalg.pinv(factor)
-    try:
-        left = np.linalg.cholesky(np.eye(len(factor)) - inverse.T @ errors @ inverse).T
-    except np.linalg.LinAlgError:
-        return np.full(5, np.inf)
-    return _solved(left @ factor, hypothesis, near)
+
+    def with_torque(x: Array) -> Array:
+        return np.append(coefficients(x, hypothesis), -1.0)
+
+    values, total = with_torque(parameters), errors.copy()
+    total[-1, -1] = max(np.sum((factor @ values) ** 2) - values @ errors @ values, errors[0, 0])
+
+    def misses(x: Array) -> Array:
+        values = with_torque(x)
+        return np.asarray(factor @ values / np.sqrt(values @ total @ values))
+
+    def slopes(x: Array) -> Array:
+        values = with_torque(x)
+        by_parameter = np.vstack([coefficient_slopes(x, hypothesis), np.zeros(5)])
+        size = values @ total @ values
+        lighter = np.outer(misses(x), by_parameter.T @ total @ values) / size
+        return np.asarray(factor @ by_parameter / np.sqrt(size) - lighter)
+
+    starts = [near] if near is not None else [parameters, *_starts(factor, hypothesis)]
+    # With the full output it gives no warning where arithmetic ends it.
+    searched = [
+        leastsq(misses, start, Dfun=slopes, full_output=True, diag=1.0 / np.maximum(np.abs(start), 1e-3))
+        for start in starts
+    ]
+    return np.asarray(min(searched, key=lambda search: float(np.sum(search[2]["fvec"] ** 2)))[0])
 
 
 def _held_out_error(log: Log, joint: int, hypothesis: Hypothesis, solve: Solve, rows: Rows) -> float:

@@ -154,13 +154,13 @@ EXPERIMENTS = (
         )
         for alpha in (0.1, 0.2, 0.3, 0.5)
     ),
-    BenchExperiment("same_slope", "Controller 2 with η = 1.548 over Controller 3", _same_slope, THIRD),
+    BenchExperiment("same_slope", "Controller 2 with η of equal slope over Controller 3", _same_slope, THIRD),
     BenchExperiment("half_speed", "Controller 1 at half the speed over full speed", _slower),
-    BenchExperiment("joint_3_alone", "Controller 1 with joint 3 alone over both joints", _last_joint_alone),
+    BenchExperiment("joint_3_alone", "Controller 1, the last joint alone over all joints", _last_joint_alone),
     BenchExperiment("inertia_up", "Controller 1 with M̄ 10 % up", partial(_with_inertia, 1.1)),
     BenchExperiment("inertia_down", "Controller 1 with M̄ 10 % down", partial(_with_inertia, 0.9)),
     BenchExperiment("period_doubled", "Controller 1 with L doubled", partial(_run, DOUBLED_PERIOD)),
-    BenchExperiment("payload", "Controller 1 with 0.2 kg over without", partial(_run, LOADED)),
+    BenchExperiment("payload", "Controller 1 with its payload over without", partial(_run, LOADED)),
     BenchExperiment(
         "other_encoders", "Controller 1 on the other encoders, errors by these, over its own", _other_encoders
     ),
@@ -168,25 +168,17 @@ EXPERIMENTS = (
 
 
 def experiments_on(loaded: LoadedEnsemble) -> Sequence[BenchExperiment]:
-    """Experiments that the arm of a comparison can make, named by its own joints and payload."""
+    """Experiments that the arm of a comparison can make."""
     if not loaded.around:
         return EXPERIMENTS
     config = loaded.compare
-    apart = any(run.start_offset for run in config.runs.values())
     left_out = {
-        "repeat": not apart,
+        "repeat": not any(run.start_offset for run in config.runs.values()),
         "joint_3_alone": len(config.joints) == 1,
         "period_doubled": config.sampling_period.si != PUBLISHED_PERIOD,
         "payload": LOADED not in config.runs,
     }
-    own = {
-        "joint_3_alone": f"Controller 1 with joint {config.joints[-1]} alone over all joints",
-        "same_slope": "Controller 2 with η of the same slope over Controller 3",
-    }
-    if LOADED in config.runs:
-        own["payload"] = f"Controller 1 with {config.runs[LOADED].payload.si:g} kg over without"
-    kept = [experiment for experiment in EXPERIMENTS if not left_out.get(experiment.name)]
-    return [replace(experiment, about=own.get(experiment.name, experiment.about)) for experiment in kept]
+    return [experiment for experiment in EXPERIMENTS if not left_out.get(experiment.name)]
 
 
 LEAST = 20

@@ -107,11 +107,6 @@ class RecoveredController:
         return equally_good(self.fits) if self.fits else []
 
     @property
-    def prints_weights(self) -> bool:
-        """Whether the numbers are given: of a log that cannot tell they need not hold the truth."""
-        return self.answer == RECOVERED
-
-    @property
     def unexplained(self) -> float:
         """RMS of the torque that the best fit does not foretell, as such a share."""
         return self.best.residual / self.best.step

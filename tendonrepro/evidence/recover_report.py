@@ -8,7 +8,7 @@ from tendonrepro.configuration.load import LoadedConfig, load_config
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.evidence.fit import Fit
-from tendonrepro.evidence.recover import RecoveredController, recover_controllers
+from tendonrepro.evidence.recover import RECOVERED, RecoveredController, recover_controllers
 from tendonrepro.parallel import Start
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.tables import Table
@@ -67,7 +67,7 @@ def controller_row(controller: RecoveredController) -> dict[str, object]:
         "run": controller.run,
         "joint": controller.joint,
         "answer": controller.answer,
-        "controllers": " or ".join(controller.controllers) if controller.prints_weights else None,
+        "controllers": " or ".join(controller.controllers) if controller.answer == RECOVERED else None,
         "surface": None,
         "readings": None,
         "weights": controller.weights or None,
@@ -78,7 +78,7 @@ def controller_row(controller: RecoveredController) -> dict[str, object]:
     if not controller.fits:
         return row
     best = controller.best
-    if controller.prints_weights:
+    if controller.answer == RECOVERED:
         gain, gain_half = controller.position_gain
         row |= {"surface": best.hypothesis.surface, "readings": best.hypothesis.name}
         row |= {"position_gain": gain, "position_gain_half_90": gain_half}
@@ -96,7 +96,7 @@ def controller_row(controller: RecoveredController) -> dict[str, object]:
 
 def controller_data(controller: RecoveredController) -> dict[str, object]:
     """The row of a joint, with its parameters and with all that fits equally well, for ``--json``."""
-    told = controller.parameters() if controller.prints_weights else ()
+    told = controller.parameters() if controller.answer == RECOVERED else ()
     return controller_row(controller) | {
         "parameters": {
             name: {"value": value, "half_90": half, "published": published}
@@ -113,7 +113,7 @@ def _named(fit: Fit) -> str:
 
 def controller_tables(controllers: list[RecoveredController]) -> list[Table]:
     """Answers, parameters and hypotheses."""
-    told = [controller for controller in controllers if controller.prints_weights]
+    told = [controller for controller in controllers if controller.answer == RECOVERED]
     parameters = [
         {"run": controller.run, "joint": controller.joint}
         | {
