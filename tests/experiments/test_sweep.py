@@ -81,10 +81,11 @@ class TestRun:
         crosses = [line for line in draw_sweep(found).axes["a"].lines if line.get_marker() == "x"]
         assert [line.get_xdata().tolist() for line in crosses] == [[], [3.0]]
 
-    def test_what_did_not_last_has_no_ratio(self):
+    def test_ratio_is_of_the_errors_where_both_runs_lasted(self):
         found = swept("manipulator.tendons.damping_factor=1,5")
         assert found.points[0]["status"] != "ok"
-        np.testing.assert_array_equal(np.isnan(by_point(found.points, "c1_c2")), [[True] * 2, [False] * 2])
+        one, two, ratio = (by_point(found.points, name) for name in ("controller_1", "controller_2", "c1_c2"))
+        np.testing.assert_array_equal(ratio, [[np.nan] * 2, one[1] / two[1]])
 
     def test_two_keys_make_every_pair(self):
         found, alone = swept(ALPHA, PERIOD), swept(ALPHA)
