@@ -270,8 +270,15 @@ def _errors_of(
     known = np.array([square - white * torque, product + (w_1 - w_1 * w_2) * torque])
     of_products = [[2.0 * w_1 * (w_2 - 1.0), -2.0 * w_2], [white - w_2, w_1 * (w_2 - 1.0)]]
     neighbours, next_ones = np.linalg.lstsq(np.array(of_products), known, rcond=None)[0]
-    products[[0, 1, 0, -1], [1, 0, -1, 0]] = neighbours
-    products[[1, -1], [-1, 1]] = next_ones
+    memory = [
+        [torque, neighbours, neighbours],
+        [neighbours, torque, next_ones],
+        [neighbours, next_ones, torque],
+    ]
+    # What no errors can have is of something else.
+    if np.linalg.eigvalsh(memory)[0] > 0.0:
+        products[np.ix_([0, 1, -1], [0, 1, -1])] = memory
+        products[-1, -1] = 0.0
     return products
 
 
