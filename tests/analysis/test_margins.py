@@ -78,6 +78,15 @@ class TestKnownLoop:
         assert margin == pytest.approx(2.0 * (2.0 - k) / (2.0 + k), rel=1e-6)
         assert hertz == pytest.approx(500.0)
 
+    @pytest.mark.parametrize("k", [0.3, -0.3])
+    def test_a_resonance_may_be_lost_by_a_lag_or_a_lead(self, k):
+        """The response has the lag where k is positive, and the lead where it is negative."""
+        turn = np.array([[np.cos(0.5), -np.sin(0.5)], [np.sin(0.5), np.cos(0.5)]])
+        loop = 0.9 * turn, np.array([[0.0], [1.0]]), np.array([[k, 0.0]])
+        margin = np.deg2rad(channel_margins(loop, 0, L).phase_margin_deg)
+        inside, beyond = (max(radius(loop, np.exp(1j * s * margin)) for s in (x, -x)) for x in (0.999, 1.001))
+        assert inside < 1.0 < beyond
+
     def test_growing_loop_has_none(self):
         loop = np.eye(1), np.eye(1), np.array([[-2.1]])
         found = channel_margins(loop, 0, L)
