@@ -86,6 +86,11 @@ def test_a_base_on_the_command_line_must_be_a_comparison() -> None:
             load_ensemble(None, overrides=[f"base={base}"])
 
 
+def test_the_slowest_strokes_end_within_the_longest_run() -> None:
+    with pytest.raises(ConfigError, match="longest_run"):
+        load_ensemble(None, overrides=["box.velocity.low=3"])
+
+
 def test_base_must_have_the_four_runs(tmp_path: Path) -> None:
     mine = (shipped_folder() / "compare.yaml").read_text(encoding="utf-8")
     mine = mine.replace("  controller_1_payload:", "  loaded:")
