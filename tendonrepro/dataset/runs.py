@@ -76,10 +76,11 @@ def _run(contents: Contents, name: str, run: RunMapping) -> tuple[Trace, list[st
     else:
         time, signals, told = _on_one_clock(series)
         notes += told
+    # A long log is in memory once, not twice.
+    del series
     joints = tuple(sorted({use.joint for use in signals}))
     variables: dict[str, Array] = {}
     for use in list(signals):
-        # A long log is in memory once, not twice.
         values = signals.pop(use)
         block = variables.setdefault(use.variable, np.full((len(time), len(joints)), np.nan))
         block[:, joints.index(use.joint)] = values
