@@ -84,8 +84,9 @@ class TestKnownLoop:
         turn = np.array([[np.cos(0.5), -np.sin(0.5)], [np.sin(0.5), np.cos(0.5)]])
         loop = 0.9 * turn, np.array([[0.0], [1.0]]), np.array([[k, 0.0]])
         margin = np.deg2rad(channel_margins(loop, 0, L).phase_margin_deg)
-        inside, beyond = (max(radius(loop, np.exp(1j * s * margin)) for s in (x, -x)) for x in (0.999, 1.001))
-        assert inside < 1.0 < beyond
+        inside = margin * np.linspace(-0.999, 0.999, 81)
+        assert max(radius(loop, np.exp(1j * phase)) for phase in inside) < 1.0
+        assert max(radius(loop, np.exp(1j * phase)) for phase in (1.001 * margin, -1.001 * margin)) > 1.0
 
     def test_growing_loop_has_none(self):
         loop = np.eye(1), np.eye(1), np.array([[-2.1]])
