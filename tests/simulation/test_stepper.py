@@ -235,6 +235,15 @@ class TestRepeatability:
         for k in (1, 2):
             np.testing.assert_allclose(noises[k], noises[0], atol=1e-15)
 
+    def test_motors_have_a_noise_of_their_own(self):
+        changes = [f"manipulator.encoders.{side}.noise=0.01" for side in ("joint", "motor")]
+        trace = simulate(make_loop(IDEAL, "manipulator.encoders.motor.resolution=0", *changes))
+        joints = trace["q_encoder"] - trace["q"]
+        motors = trace["q_motor_encoder"] - (trace["theta"] - trace["theta"][0]) @ S_INV.T
+        assert np.rad2deg(motors.std()) == pytest.approx(0.01, rel=0.1)
+        for i in range(2):
+            assert abs(np.corrcoef(joints[:, i], motors[:, i])[0, 1]) < 0.2
+
     def test_torque_noise_acts_on_the_plant_alone(self):
         """No controller can know it; stored with the torque it would come back in every estimate."""
         noisy, quiet = (
