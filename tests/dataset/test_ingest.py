@@ -144,6 +144,8 @@ def test_a_made_up_record_gives_its_own_tables(from_record):
     decouple = file.runs["decouple"]
     np.testing.assert_allclose(np.rad2deg(decouple["q_encoder"]), q, atol=1e-6)
     np.testing.assert_allclose(np.rad2deg(decouple["q_motor_encoder"]), motors, atol=1e-6)
+    calculated = motors @ synthetic_record.S.T
+    np.testing.assert_allclose(np.rad2deg(decouple["q_calculated"]), calculated, atol=1e-6)
     # The paper's figures but those of one motor alone and of what a controller computes.
     paper = {name for name in FIGURES if name.startswith("fig")}
     assert paper - set(available(file)) == {"fig06", "fig15"}
