@@ -102,7 +102,7 @@ def prediction_tables(data: Json, where: str = "") -> list[Table | str]:
     ratios = [row for experiment in telling for row in experiment["ratios"]]
     few = sum(row["plants"] < LEAST for row in ratios)
     ranges = f"{few} of {len(ratios)} ranges have fewer than {LEAST} stable plants, and tell nothing"
-    shown = ("experiment", "joint", "errors_of", "plants", "median", "low", "high")
+    shown = ("experiment", "reading", "joint", "errors_of", "plants", "median", "low", "high")
     on = f"{data['draws']} plants {where}".strip()
     return [
         *([f"{ranges}: more --draws"] if few else []),
