@@ -116,7 +116,7 @@ def load_grid(
         If a point is no configuration; names the point.
     """
     values_of = parse_over(over)
-    if seed is not None and "seed" in values_of:
+    if seed is not None and not {"seed", "seed.value"}.isdisjoint(values_of):
         raise UsageError("the seed is swept, so --seed has no place", where=OPTION)
     changes = overrides_of(overrides)
     # Standard input can be read only once.
@@ -127,9 +127,8 @@ def load_grid(
     for values in product(*values_of.values()):
         chosen = dict(zip(values_of, values, strict=True))
         label = " ".join(f"{key}={text_of(value)}" for key, value in chosen.items())
-        # The longest step of single runs must divide the sampling period.
-        step = {"solver.max_step": chosen["sampling_period"]} if "sampling_period" in chosen else {}
-        changed = [override(key, value) for key, value in (step | chosen).items()]
+        point_changes = _following_step(chosen, base.config.sampling_period.unit) | chosen
+        changed = [override(key, value) for key, value in point_changes.items()]
         try:
             loaded = load_one(overrides=[*changes, *changed])
             points.append(Point(label, chosen, loaded, all_loops(loaded)))
@@ -175,6 +174,15 @@ def parse_over(over: SweptValues) -> dict[str, list[Node]]:
 def text_of(value: Node) -> str:
     """A value for a reader."""
     return value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
+
+
+def _following_step(chosen: Mapping[str, Node], unit: str) -> dict[str, Node]:
+    """Let the longest step of single runs, which must divide the sampling period, follow it."""
+    period = chosen.get("sampling_period", chosen.get("sampling_period.value"))
+    if period is None:
+        return {}
+    quantity: Node = {"value": period, "unit": unit, "source": "assumed: the sampling period"}
+    return {"solver.max_step": period if isinstance(period, dict) else quantity}
 
 
 def unit_of(key: str, tree: Mapping[str, Node]) -> str | None:

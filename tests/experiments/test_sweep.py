@@ -137,6 +137,12 @@ class TestValues:
         with pytest.raises(ConfigError, match=r"control\.gains\.alpha\.value\.1"):
             sweep.load_grid(over[:1])
 
+    @pytest.mark.parametrize("key", ["sampling_period", "sampling_period.value"])
+    def test_the_longest_step_follows_the_sampling_period_in_its_unit(self, key):
+        step = f"solver.max_step={quantity(0.001, 's')}"
+        points = sweep.load_grid([f"{key}=0.5,1"], overrides=[step]).points
+        assert [point.loaded.config.solver.max_step.si for point in points] == [0.0005, 0.001]
+
     def test_what_cannot_be_compared_is_refused(self):
         run = f"{{a: {{law: controller_1, payload: {quantity(0, 'kg')}}}}}"
         for over, given in (
@@ -144,6 +150,7 @@ class TestValues:
             ("errors_from=0,1", {}),
             ("control.gains.lam=4,5", {"overrides": ["errors_from=1"]}),
             ("seed=1,2", {"seed": 3}),
+            ("seed.value=1,2", {"seed": 3}),
         ):
             with pytest.raises(UsageError):
                 sweep.load_grid([over], "plain", **given)
