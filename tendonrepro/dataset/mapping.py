@@ -115,8 +115,17 @@ Size: TypeAlias = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=Fals
 Step: TypeAlias = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
 
 
-_ANGLES = [variable for variable in VARIABLES if kind_of(variable) == "angle"]
-Angle: TypeAlias = Annotated[str, Field(pattern=f"^({'|'.join(_ANGLES)})$")]
+def _reading_error(given: object) -> object:
+    angles = [variable for variable in VARIABLES if kind_of(variable) == "angle"]
+    for name, degrees in given.items() if isinstance(given, dict) else [(angles[0], given)]:
+        if name not in angles:
+            refuse(f"there is no angle {name!r}, only {', '.join(angles)}")
+        if isinstance(degrees, bool) or not isinstance(degrees, int | float) or not 0.0 <= degrees < math.inf:
+            refuse(f"must be a number of degrees, 0 or more, found {degrees!r}")
+    return given
+
+
+ReadingError: TypeAlias = Annotated[float | dict[str, float], BeforeValidator(_reading_error)]
 
 
 class RunMapping(Model):
@@ -137,7 +146,7 @@ class RunMapping(Model):
     to_s: Number = float("inf")
     step_s: Step | None = None
     part: Annotated[int, Field(ge=1)] | None = None
-    reading_error_deg: Size | dict[Angle, Size] | None = None
+    reading_error_deg: ReadingError | None = None
 
     @model_validator(mode="before")
     @classmethod
