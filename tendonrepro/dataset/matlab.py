@@ -127,7 +127,7 @@ def _table(frame: pd.DataFrame) -> Columns:
     columns = Columns()
     units = frame.attrs.get("VariableUnits") or frame.attrs.get("varUnits") or [""] * frame.shape[1]
     if frame.index.dtype.kind in "mM":
-        frame, units = frame.reset_index(names="time"), ["s", *units]
+        columns.add("time", _seconds(frame.index.to_numpy()), "s")
     for (name, column), unit in zip(frame.items(), units, strict=False):
         values = column.to_numpy()
         if values.dtype.kind in "mM":
