@@ -224,8 +224,10 @@ def export_traces(source: Path, form: str, out: Path | None = None, *, force: bo
     DataMissingError
         If the trace file cannot be read.
     UsageError
-        For a format that lacks its library, and a file that is there.
+        For a format that is unknown or lacks its library, and a file that is there.
     """
+    if form not in ("csv", "parquet", "mat"):
+        raise UsageError(f"must be csv, parquet or mat, found {form!r}", where="--format")
     if out is not None and out.suffix != f".{form}":
         message = f"a file of the format {form} ends in .{form}, found {str(out)!r}"
         raise UsageError(message, where="--out")

@@ -265,6 +265,8 @@ def test_what_is_not_exported(folder: Path, monkeypatch: pytest.MonkeyPatch) -> 
         export_traces(folder, "csv")
     assert target.read_text() == "mine"
     assert export_traces(folder, "csv", force=True).stat().st_size > 1000
+    with pytest.raises(UsageError, match="xlsx"):
+        export_traces(folder, "xlsx")
     with pytest.raises(UsageError, match=r"of the format mat ends in \.mat, found"):
         export_traces(folder, "mat", folder / "g.csv")
     with pytest.raises(DataMissingError, match=r"nothing\.h5"):
