@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import Any, get_args
 
@@ -281,6 +282,21 @@ def test_rounding_of_remembered_torques_is_in_the_intervals(controller: int, ste
         assert (abs(found.parameters[:2] - [1.0, 0.0]) <= found.half[:2]).all()
         assert (found.half[:2] > exact.half[:2]).all()
         assert exact.bias == 0.0 < found.bias
+
+
+def test_intervals_hold_the_true_weights_where_errors_take_turns() -> None:
+    """Errors of which each is half the opposite of the one before, as steps of an encoder make them."""
+    inside = 0
+    for controller, seed in product((2, 3), (1, 2)):
+        (log,), _ = read_logs(run(controller=controller), PUBLISHED.config)
+        white = np.random.default_rng(seed).normal(scale=0.01 / np.sqrt(24.0), size=(len(log.q) + 1, 2))
+        coarse = replace(log, command=log.command + np.diff(white, axis=0), applied=None)
+        for joint in (0, 1):
+            rows = fit.rows_of_all(coarse, joint, [Hypothesis(LINEAR)])
+            truth = Hypothesis(LINEAR if controller == 3 else NTSM)
+            found = fit.fitted(coarse, joint, truth, (0.01, 0.0), rows)
+            inside += bool((abs(found.parameters[:2] - [1.0, 0.0]) <= found.half[:2]).all())
+    assert inside >= 6
 
 
 def test_equal_equations_do_not_crowd_the_true_one_out() -> None:
