@@ -23,6 +23,8 @@ _ANGLES = "q_d", "q_encoder", "q_calculated"
 _FAR = 0.1
 """Mean difference of two of these, over the range, beyond which they are in doubt."""
 _MOST_TURN_DEG = 190.0
+_UNLIKE = 0.5
+"""Range of an angle less its integrated rate, over that of the angle, beyond which the rate is in doubt."""
 _HELD = float(np.deg2rad(0.03))
 """Range of a desired angle, rad, below which a joint is held: the dither of its encoder is no ringing."""
 _SEVERITY = ("ok", "ringing", "diverged")
@@ -233,6 +235,24 @@ def _doubts(trace: Trace) -> Iterator[str]:
             known = np.isfinite(size)
             if known.any() and size[known].mean() > _FAR * max(np.ptp(angle[known]), 1e-3):
                 yield f"{first} and {other} of joint {joint} differ by a tenth of its motion: check both"
+    for rate, angle in (("dq", "q_encoder"), ("dq_d", "q_d")):
+        if rate in trace and angle in trace:
+            yield from _doubts_about_rate(trace, rate, angle)
+
+
+def _doubts_about_rate(trace: Trace, rate: str, angle: str) -> Iterator[str]:
+    """Joints that move and whose rate, integrated, is not how far they turn."""
+    known = np.isfinite(trace[angle])
+    moved = np.array(
+        [np.ptp(q[there]) if there.any() else 0.0 for q, there in zip(trace[angle].T, known.T, strict=True)]
+    )
+    known &= np.isfinite(trace[rate])
+    # Summed up, the noise of a joint at rest is no motion.
+    for k in np.flatnonzero(known.any(axis=0) & (moved > _FAR * moved.max())):
+        time, q, dq = trace.time[known[:, k]], trace[angle][known[:, k], k], trace[rate][known[:, k], k]
+        turned = np.append(0.0, np.cumsum(0.5 * np.diff(time) * (dq[1:] + dq[:-1])))
+        if np.ptp(q - turned) > _UNLIKE * moved[k]:
+            yield f"{rate} of joint {trace.joint[k]} is not the slope of {angle}: check its unit"
 
 
 def _doubts_about_error(trace: Trace, recorded: Array) -> Iterator[str]:

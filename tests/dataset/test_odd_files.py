@@ -600,3 +600,27 @@ def test_what_cannot_be_read_is_named_with_a_remedy_and_the_rest_is_read(tmp_pat
     assert len(found.tables) == 1
     words = {"segments.lvm": "segments", "octave.mat": "Octave", "labview.tdms": "tendonrepro[tdms]"}
     assert all(word in found.unread[name] for name, word in words.items())
+
+
+SHAKE = 60.0 * np.sin(6.0 * np.pi * T)
+"""Of the size of the motion, and nothing like it, deg."""
+
+
+@pytest.mark.parametrize(
+    ("factor", "shake", "doubts"),
+    [(1.0, 0.0, 0), (57.3, 0.0, 1), (-1.0, 0.0, 1), (0.0, 0.0, 1), (1.0, 1.0, 1)],
+)
+def test_a_rate_that_is_no_slope_is_told(tmp_path, factor, shake, doubts):
+    rate = factor * np.gradient(ACTUAL[2], 0.01) + shake * np.gradient(SHAKE, 0.01)
+    rows = np.column_stack([NUMBERS[:, :3], rate])
+    found, _, _ = ingested(tmp_path, ".csv", ",".join(NAMES[:3]) + ",dq2 (deg/s)\n" + lines(rows))
+    assert len(found["doubts"]) == doubts
+
+
+def test_a_joint_at_rest_has_no_rate_to_doubt(tmp_path):
+    """Noise of its tachometer, summed up, is not how far it turned."""
+    noise = np.random.default_rng(5).normal(0.2, 1.0, 400)
+    rows = np.column_stack([NUMBERS[:, :3], 0.02 * np.sign(noise), noise])
+    head = ",".join(NAMES[:3]) + ",q3 (deg),dq3 (deg/s)\n"
+    found, _, _ = ingested(tmp_path, ".csv", head + lines(rows))
+    assert found["doubts"] == []
