@@ -243,7 +243,7 @@ def of_closest() -> dict[str, Any]:
 
 PARTS = (
     "headline", "facts", "the answer", "what agrees", "what makes the order", "closest plants",
-    "repeats", "intervals of recover", "readings", "claims", "numbers", "deciding unknowns", "tuned", "questions", "what tuning changes", "experiments on starts", "given the tables",
+    "repeats", "names by recover", "readings", "claims", "numbers", "deciding unknowns", "tuned", "questions", "what tuning changes", "experiments on starts", "given the tables",
     "planted papers", "the bound", "the least misfits", "every small change",
 )  # fmt: skip
 """Parts of pages that are made of stored results; their templates have the same names."""

@@ -115,7 +115,9 @@ def details_text(verdict: Verdict) -> str:
     )
     plain = to_json(asdict(verdict))
     entry = json.loads(plain, parse_float=lambda digits: float(f"{float(digits):.4g}"))
-    entry["evidence"] = entry.pop("evidence")
+    # What is long comes last.
+    for name in ("evidence", "readings_that_change_it"):
+        entry[name] = entry.pop(name)
     return "\n".join([told, dump(entry).rstrip(), *shipped_note([verdict])])
 
 
