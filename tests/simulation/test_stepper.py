@@ -19,7 +19,7 @@ from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.physics import control
 from tendonrepro.physics.arm import gravity_torque
-from tendonrepro.simulation.loop import DesiredMotion
+from tendonrepro.simulation.loop import DesiredMotion, measure, rest_at, sample, start
 from tendonrepro.simulation.stepper import MachinePlant, simulate
 
 L = 1e-3
@@ -254,6 +254,16 @@ class TestRepeatability:
         kicks = np.diff(noisy["dtheta"][:3, 1] - quiet["dtheta"][:3, 1])
         assert 1e-4 < np.abs(kicks).max() < 1e-2
         assert np.abs(noisy["e"]).mean() < 1.2 * np.abs(quiet["e"]).mean()
+
+    def test_torque_noise_is_that_of_each_motor_at_its_winch(self):
+        loop = make_loop(IDEAL, "manipulator.actuator.torque_noise=0.2")
+        rest, law, motion = rest_at(loop.start_angles, loop.plant), loop.controller.law, loop.reference
+        hardware, noise = loop.hardware(rest), np.array([0.0, 0.0, 0.0, 0.0, 1.0, -3.0])
+        desired = motion.q_d[0], motion.dq_d[0], motion.ddq_d[0]
+        memory = start(measure(rest.state, noise, law, hardware), desired[0], rest.tau, law)
+        sampled = sample(rest.state, memory, [], desired, noise, law, hardware)
+        at_winches = hardware.S.T @ (sampled.torque - sampled.tau_m)
+        np.testing.assert_allclose(at_winches, 0.2 * noise[4:], rtol=1e-12)
 
 
 class TestMotors:
