@@ -22,9 +22,10 @@ def draw_margins(explanation: Explanation) -> style.Drawing:
     style.letter_panels(
         grid.flat, [f"Joint {joint}, {what}" for what in ("gain", "phase") for joint in joints]
     )
-    strokes = style.strokes_of(views)
+    strokes, low_gains = style.strokes_of(views), []
     for run, view in views.items():
         hertz, channels = curves(view, explanation.postures[1])
+        low_gains.append(np.abs(channels[:, 0]).max())
         for (gain, phase), value, margins in zip(grid.T, channels, explanation.margins[run], strict=True):
             gain.plot(hertz, np.abs(value), label=run_in_words(run), **strokes[run].line)
             phase.plot(hertz, _loop_phase(value), **strokes[run].line)
@@ -37,7 +38,7 @@ def draw_margins(explanation: Explanation) -> style.Drawing:
         phase.set_xlabel("Frequency (Hz)")
     grid[0, 0].set(xscale="log", yscale="log", ylabel="Loop gain")
     # A law with a pole on the unit circle has no finite gain there.
-    grid[0, 0].set_ylim(max(grid[0, 0].get_ylim()[0], 1e-5), None)
+    grid[0, 0].set_ylim(max(grid[0, 0].get_ylim()[0], 1e-5), 3.0 * max(low_gains))
     grid[1, 0].set(yticks=np.arange(-360.0, 181.0, 90.0), ylim=(-360.0, 180.0), ylabel="Loop phase (deg)")
     figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=6)
     caption = (

@@ -154,3 +154,9 @@ def test_figure_has_the_responses_and_their_gain_margins():
         assert places == [margins[k].gain_margin_hz for margins in found().margins.values()]
         phases = [line.get_ydata() for line in panels[2 + k].lines if len(line.get_xdata()) > 2]
         assert all(-270.0 < phase[0] <= 90.0 for phase in phases)
+
+
+def test_a_pole_on_the_unit_circle_leaves_the_other_curves_their_room():
+    """With this delay the gain of plain estimation has no end at 500 Hz."""
+    panel = draw_margins(explain(loaded(DELAY, APPLIED))).axes[0]
+    assert panel.get_ylim()[1] < 1e5 < max(np.max(line.get_ydata()) for line in panel.lines)
