@@ -42,6 +42,12 @@ def test_arrays_and_structs(tmp_path, version):
     assert_array_equal(found[""]["q_d[1]"], WAVES[:, 0])
 
 
+def test_struct_arrays_count_from_one(tmp_path):
+    runs = made.records({"t": TIMES, "q2": WAVES[:, 0]}, {"t": TIMES, "q2": WAVES[:, 1]})
+    found = written(tmp_path, "5", runs=runs)
+    assert_array_equal(found["runs.2"]["q2"], WAVES[:, 1])
+
+
 MATRICES = np.moveaxis(WAVES.reshape(10, 2, 1) * np.ones(1), 0, -1)
 
 
