@@ -289,6 +289,11 @@ def test_angles_in_radians_beside_rates_and_a_status(tmp_path, status):
     assert all("CHECK" in line for line in mapping.splitlines() if "qd_2" in line)
 
 
+def test_a_byte_of_another_encoding_is_told(tmp_path):
+    found, _, _ = ingested(tmp_path, ".csv", b"\xce\xb8 " * 9 + b"\xff\n" + (HEADS + lines()).encode())
+    assert any("UTF-8" in note for note in found["notes"])
+
+
 def test_the_load_of_a_column_goes_before_that_of_its_file(tmp_path):
     names = ["t (s)", "q2_d (deg)", "C1 q2 (deg)", "C2 q2 (deg)", "C1 with 0.2 kg payload q2 (deg)"]
     columns = [T, DESIRED[2], *(DESIRED[2] - k * ERROR[2] for k in (1, 2, 3))]
