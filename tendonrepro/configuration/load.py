@@ -234,7 +234,7 @@ class Draft:
     def remarks(self, model: Model) -> Iterator[str]:
         """Say of each value of the model that it is far from what is usual."""
         for path, words in unusual(model):
-            yield f"{self.place(path)}: {'.'.join(map(str, path))}: {words}"
+            yield f"{self.place((*path, 'value'))}: {'.'.join(map(str, path))}: {words}"
 
     def refuse(self, path: Key, words: str, hint: str | None = None) -> NoReturn:
         """Raise a ConfigError about an entry."""

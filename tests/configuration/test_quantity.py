@@ -126,6 +126,8 @@ def test_what_is_far_from_usual_is_told_and_runs_all_the_same(key: str, value: o
     remarks = load_config(None, "compare", overrides={key: value}).remarks
     assert len(remarks) == told
     assert all(key.removesuffix(".unit") in words for words in remarks)
+    # The place is the option that gave a number, not the file that has another one there.
+    assert key.endswith(".unit") or all(words.startswith(f"--set {key}") for words in remarks)
 
 
 @pytest.mark.parametrize("name", ["compare", "decouple", "closest", "plain", "compare_cosine"])
