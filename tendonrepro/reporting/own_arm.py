@@ -64,7 +64,7 @@ def own_studies(config: Path, above: Path, *, tune: bool, **asked: object) -> St
 def answer_own(studies: Studies, out: Path, talk: Talk, *, force: bool) -> Answer[dict[str, Result]]:
     """Carry the studies out, one after the other, and answer; what is finished stays after an interrupt.
 
-    Arms around one whose loops are not stable are not asked.
+    Arms around one whose loops are not stable are not asked. Where none can be tuned, the rest is answered.
     """
     for study in studies.values():
         refuse_others(study.target, study.digest, command=study.command, force=force)
@@ -76,7 +76,13 @@ def answer_own(studies: Studies, out: Path, talk: Talk, *, force: bool) -> Answe
     for name, study in studies.items():
         if name == "ensemble" and {FIRST, SECOND} & {*_unstable(data)}:
             break
-        done[name] = carry_out(study, talk)
+        try:
+            done[name] = carry_out(study, talk)
+        except UsageError as error:
+            if name != "tune":
+                raise
+            talk.note(f"not tuned: {error.message}")
+            break
         data[name] = {**done[name].data}
     page = page_beside(out / PAGE, loaded, talk, force=force)
     results = {name: answer.value for name, answer in done.items() if answer.value}

@@ -135,6 +135,17 @@ def test_tuned_too(place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert found["tune"].data["plants"] == 1
 
 
+def test_where_no_plant_can_be_tuned_the_rest_is_answered(
+    told: Any, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(own_arm, "TUNED", {**own_arm.TUNED, "plants": 1})
+    monkeypatch.setattr("tendonrepro.tuning.tuning.usable", lambda _: False)
+    monkeypatch.chdir(place)
+    found = tr.reproduce(config="mine/compare.yaml", tune=True, figures=False, set=MOTION, out="reports/own")
+    assert [*found] == ["answer", "explain", "compare", "ensemble"]
+    assert found["answer"].data == told["answer"]
+
+
 def test_a_dry_run_tells_the_cost_of_all_and_writes_nothing(place: Path, tmp_path: Path) -> None:
     plan = answer("reproduce", "--config", str(place / "mine"), "--tune", "--dry-run", cwd=tmp_path)
     assert [name for name in plan if isinstance(plan[name], dict) and "out" in plan[name]] == [
