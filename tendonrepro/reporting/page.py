@@ -64,7 +64,8 @@ def run_report(
     path = out or folder / "report.html"
     # In the result of one command the page would be a foreign file.
     if out is None and (folder / MANIFEST).exists():
-        named = folder.resolve()
+        # Only a resolved path names the current folder, or the one above.
+        named = folder.resolve() if folder.name in ("", "..") else folder
         path = named.with_name(f"{named.name}.html")
     refuse_foreign(path, _MARK, force=force)
     sources = stored_under(folder)
@@ -89,7 +90,7 @@ WHENCE = {
 
 def report_text(report: Json) -> str:
     """What the terminal says."""
-    lines = [f"{report['path']}: {report['bytes'] / 1e6:.1f} MB, open it in a browser"]
+    lines = [f"{report['path']}: {report['bytes'] / 1e3:.0f} kB, open it in a browser"]
     lines += [f"{name}: {WHENCE[origin]}" for name, origin in report["parts"].items()]
     if not {"run", "here"} & {*report["parts"].values()}:
         lines.append(f"no results here: commands leave folders with a {MANIFEST} in reports")
