@@ -205,6 +205,12 @@ def test_what_looks_wrong_is_said(columns, words, tmp_path):
     assert any(words in doubt for doubt in found["doubts"])
 
 
+def test_an_error_of_the_files_own_arithmetic_is_no_doubt(tmp_path):
+    columns = {"qd": DESIRED[:, 0], "q": 0.95 * DESIRED[:, 0]}
+    columns["e"] = np.round(columns["qd"] - columns["q"], 3)
+    assert ingest(*made(tmp_path, BOTH + "runs: {controller_1: x.csv}\n", t=TIME, **columns))["doubts"] == []
+
+
 def test_two_clocks_come_together_on_the_first(tmp_path):
     other = TIME[:-5] + 0.003
     late = pd.DataFrame({"ms": 1e3 * other, "qd": np.interp(other, TIME, DESIRED[:, 0])})

@@ -289,6 +289,13 @@ def test_angles_in_radians_beside_rates_and_a_status(tmp_path, status):
     assert all("CHECK" in line for line in mapping.splitlines() if "qd_2" in line)
 
 
+def test_a_rate_of_what_was_measured_needs_nothing_beside_it(tmp_path):
+    rows = np.column_stack([NUMBERS[:, [0, 2]], np.gradient(ACTUAL[2], 0.01)])
+    _, runs, mapping = ingested(tmp_path, ".csv", "t,actual_q_2,actual_qd_2\n" + lines(rows))
+    assert set(runs["controller_1"].variables) == {"q_encoder", "dq"}
+    assert "CHECK" in next(line for line in mapping.splitlines() if "actual_qd_2" in line)
+
+
 def test_a_byte_of_another_encoding_is_told(tmp_path):
     found, _, _ = ingested(tmp_path, ".csv", b"\xce\xb8 " * 9 + b"\xff\n" + (HEADS + lines()).encode())
     assert any("UTF-8" in note for note in found["notes"])
@@ -427,6 +434,11 @@ def test_columns_of_an_array_that_would_be_the_same_are_not_guessed(tmp_path):
     path = tmp_path / "SYNTHETIC_3d_joint2_c1.mat"
     classic(path, {"t": T[:, None], "q_d": blocks, "q": NUMBERS[:, 1:]})
     assert run_inspect([path], None, force=False)["runs"] == {"controller_1": 0}
+
+
+def test_angles_in_a_file_that_is_named_after_torque_stay_angles(tmp_path):
+    found, _, _ = ingested(tmp_path, "_torque.csv", HEADS + lines())
+    assert mae(found) == MAE
 
 
 def test_a_column_of_the_mapping_that_no_table_has_is_told(tmp_path):

@@ -124,6 +124,7 @@ def test_an_ensemble_of_ones_own_replaces_them(tmp_path, monkeypatch):
     monkeypatch.setattr("tendonrepro.verdicts.sensitivity.rankings", lambda _: {})
     ledger = claimed(tmp_path)
     assert not any(entry["shipped"] for entry in entries(ledger.data).values())
+    assert any(entry["false_contradicted"] for entry in entries(ledger.data).values())
     known = {"draws": len(own.draws), "created": "2026-01-02", "rules_edition": EDITION}
     assert ledger.data["ensemble"] == {"source": "local", "tendonrepro_version": None} | known
     assert json.loads((tmp_path / "claims" / "claims.json").read_text())["ensemble"]["source"] == "local"
