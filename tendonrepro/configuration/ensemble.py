@@ -12,7 +12,7 @@ from pydantic import Field, ValidationError
 
 from tendonrepro.configuration import load, strict_yaml
 from tendonrepro.configuration.load import ConfigLike, Draft, LoadedConfig, load_config
-from tendonrepro.configuration.models.box import FAST_PERIOD, BoxConfig, Confidence
+from tendonrepro.configuration.models.box import FAST_PERIOD, WORDS, BoxConfig, Confidence
 from tendonrepro.configuration.models.control import PRINTED_LAWS, RUNS
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.readings import VARIATIONS, Reading, named_readings, under
@@ -120,7 +120,14 @@ class EnsembleConfig(Model):
         # Strokes last longest at low speed and large amplitude.
         box = self.box
         _, stroke = trapezoid_times(box.amplitude.highest, box.velocity.lowest, box.acceleration.lowest)
-        cycle = max(box.period.highest, FAST_PERIOD, 2.0 * (max(box.rise.highest, stroke) + box.hold.highest))
+        ramp = 2.0 * (box.rise.highest + box.hold.highest)
+        cycles = dict.fromkeys(WORDS["motion"], box.period.highest) | {
+            "minimum_jerk": ramp,
+            "trapezoidal": 2.0 * (stroke + box.hold.highest),
+            "fast_sine": FAST_PERIOD,
+        }
+        # Ramps are a reading, which is there whatever the choices.
+        cycle = max(ramp, *(cycles[kind] for kind in box.motion.choices))
         longest = max(2.0 * cycle, self.shortest_run.si + cycle)
         if longest > self.longest_run.si:
             covered = f"must cover every motion; one lasts up to {longest:.6g} s"

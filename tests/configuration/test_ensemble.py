@@ -91,6 +91,11 @@ def test_the_slowest_strokes_end_within_the_longest_run() -> None:
         load_ensemble(None, overrides=["box.velocity.low=3"])
 
 
+def test_motions_that_are_not_chosen_need_not_end_within_the_longest_run() -> None:
+    chosen = {"box.motion.choices": ["minimum_jerk"], "longest_run": 22}
+    assert load_ensemble(None, overrides=chosen).config.longest_run.si == 22.0
+
+
 def test_base_must_have_the_four_runs(tmp_path: Path) -> None:
     mine = (shipped_folder() / "compare.yaml").read_text(encoding="utf-8")
     mine = mine.replace("  controller_1_payload:", "  loaded:")
