@@ -247,7 +247,7 @@ class LoadedConfig:
 
     `tree` is `config` as plain values. `sha256` covers trajectory files too.
     Relative paths start at `folder`. `changes` are the overrides; `overrides` are the words of all that was
-    asked for. `remarks` are sentences about values that are unusual.
+    asked for. `remarks` are sentences about values that are unusual, or that nothing reads.
     """
 
     config: Config
@@ -330,8 +330,16 @@ def checked_config(
         overrides=tuple(recorded),
         inputs=(*draft.files, *trajectories),
         folder=draft.folder,
-        remarks=tuple(draft.remarks(config)),
+        remarks=(*draft.remarks(config), *_unread(config, changes)),
     )
+
+
+def _unread(config: Config, changes: Sequence[Override]) -> Iterator[str]:
+    """What the command line sets and no reading reads; a file may keep such a key for another time."""
+    named = {".".join(map(str, change.path)).removesuffix(".value") for change in changes}
+    for key, reading in config.control.unread().items() if isinstance(config, CompareConfig) else ():
+        if f"control.{key}" in named:
+            yield f"control.{key} changes nothing here: it is read only under {reading}"
 
 
 def numbers_of(controllers: str | Sequence[int]) -> list[int]:

@@ -139,6 +139,12 @@ def load_grid(
         base,
         sha256=config_digest({point.label: point.loaded.sha256 for point in points}),
         inputs=tuple(dict.fromkeys(path for point in points for path in point.loaded.inputs)),
+        # Of a key that is read at one point, the sweep shows what it does.
+        remarks=tuple(
+            remark
+            for remark in points[0].loaded.remarks
+            if all(remark in point.loaded.remarks for point in points)
+        ),
     )
     n, alone = len(points[0].loaded.config.joints), len(values_of) == 1
     axes = [

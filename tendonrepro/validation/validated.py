@@ -35,7 +35,7 @@ from tendonrepro.verdicts.measurement import Measurement, judge_measured, measur
 from tendonrepro.verdicts.rules import Ruling
 
 _METRICS = {"mae": "mae", "rms": "rmse", "max": "max"}
-ANOTHER_MOTION_DEG = 1.0
+ANOTHER_MOTION_DEG = 0.2
 """Difference of a run's desired angle from the motion that the model follows from which it is told, deg."""
 _SMOOTH = 0.05
 """Half the stretch of an encoder's signal whose ends tell its rate, s."""

@@ -351,3 +351,17 @@ def test_an_override_is_one_of_the_kind_that_is_checked() -> None:
     with pytest.raises(ConfigError):
         checked("lumidouce_ii", ["base.x=3"])
     assert checked("ensemble", ["base.seed=3"]).base.config.seed.si == 3
+
+
+@pytest.mark.parametrize(
+    ("overrides", "unread"),
+    [
+        (["control.reference_lag=20"], 1),
+        (["control.reference_lag.value=20", "control.filter_cutoff=50"], 2),
+        (["control.reference_lag=20", "control.readings.reference_acceleration=late"], 0),
+        (["control.filter_cutoff=50", "control.readings.estimate_filter=acceleration"], 0),
+        ([], 0),
+    ],
+)
+def test_an_override_that_no_reading_reads_is_named(overrides: list[str], unread: int) -> None:
+    assert len(load_config(None, "compare", overrides=overrides).remarks) == unread

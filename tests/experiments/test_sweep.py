@@ -202,3 +202,11 @@ class TestFigures:
         (line,) = (line for line in panel.lines if line.get_label() == "Controller 1")
         assert line.get_xdata().tolist() == x
         assert (line.get_linestyle() == "None") == (numbers is None)
+
+
+@pytest.mark.parametrize(
+    ("more", "unread"), [((), 1), (("control.readings.reference_acceleration=fed_forward,late",), 0)]
+)
+def test_a_key_that_no_point_reads_is_named(more, unread):
+    found = sweep.load_grid(("control.reference_lag=10,20", *more), overrides=(ONE,))
+    assert len(found.base.remarks) == unread

@@ -163,3 +163,12 @@ class Control(Model):
                 yield (), f"missing key 'filter_cutoff', which the reading {reading}: {value} needs"
         if self.readings.reference_acceleration == "late" and self.reference_lag is None:
             yield (), "missing key 'reference_lag', which the reading reference_acceleration: late needs"
+
+    def unread(self) -> dict[str, str]:
+        """Keys that these readings leave unread, and the readings that would read them."""
+        needs = {}
+        if self.readings.error_rate not in FILTERED and self.readings.estimate_filter not in FILTERED:
+            needs["filter_cutoff"] = "error_rate: low_pass, or estimate_filter: acceleration or estimate"
+        if self.readings.reference_acceleration != "late":
+            needs["reference_lag"] = "reference_acceleration: late"
+        return needs
