@@ -16,9 +16,13 @@ from tendonrepro.configuration.any_kind import init_arm
 from tendonrepro.configuration.models.readings import Reading, parse_reading, under
 from tendonrepro.errors import ConfigError
 from tendonrepro.experiments.loops import build_loops
+from tendonrepro.experiments.rig import build_plant
 from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.monte_carlo.plan import EnsembleStudy
 from tendonrepro.monte_carlo.population import Population
+from tendonrepro.physics.disturbance import no_disturbance
+from tendonrepro.physics.dynamics import frictionless, holding_torque, rest_state, state_derivative
+from tendonrepro.physics.linear_loop import plant_matrices
 
 
 @cache
@@ -98,3 +102,20 @@ def test_a_motion_that_no_sampling_period_divides_is_refused() -> None:
             assert loops[0].reference.time[-1] / loops[0].L == pytest.approx(len(loops[0].reference.time) - 1)
             fitting += 1
     assert 0 < fitting < len(values)
+
+
+def test_the_linear_loop_has_what_is_drawn():
+    """A parameter that the linear plant forgets would make the margins of `explain` wrong without a word."""
+    (box, rows), q, h = drawn(4), np.array([0.3, 0.4]), 1e-6
+    for row in rows:
+        plant = frictionless(build_plant(box.configured(row), 0.2))
+        # Clearance and transmission error are no part of it.
+        off = {name: np.zeros(q.size) for name in ("slack", "wobble")}
+        plant = plant._replace(drive=plant.drive._replace(**off), disturbance=no_disturbance(q.size))
+        x, tau = rest_state(q, plant), holding_torque(q, plant)
+        forward, backward = (
+            state_derivative(0.0, x[:, np.newaxis] + step * np.eye(x.size), tau[:, np.newaxis], plant)
+            for step in (h, -h)
+        )
+        A, _ = plant_matrices(q, plant)
+        np.testing.assert_allclose((forward - backward) / (2.0 * h), A, atol=1e-8 * np.abs(A).max())
