@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import json
 import sys
 
 
@@ -16,7 +17,11 @@ def main() -> None:
         run()
     except KeyboardInterrupt:
         # As the command line itself says it, which may not have been loaded yet.
-        sys.stderr.write("error: interrupted\n")
+        error = {"code": 130, "message": "interrupted", "where": None, "hint": None}
+        if "--json" in sys.argv:
+            sys.stdout.write(json.dumps({"error": error}) + "\n")
+        else:
+            sys.stderr.write("error: interrupted\n")
         sys.exit(130)
 
 
