@@ -745,4 +745,6 @@ unpacked(PAGE).then((presets) => {
   }
   addEventListener("hashchange", readAddress);
   readAddress();
+}, () => {
+  byId("problem").textContent = "This browser is too old for the page: it cannot unpack its numbers.";
 });
