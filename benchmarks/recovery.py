@@ -214,8 +214,9 @@ def judged(name: str, log: Log, record: dict[str, float]) -> list[str]:
             found = HALF if one.pid else WRONG
         elif found == RECOVERED:
             truth, weights = truth_of(name)
-            named = truth in [fit.hypothesis for fit in one.equal]
-            found = WRONG if one.weights != weights else RIGHT if named else HALF
+            named = [fit.hypothesis for fit in one.equal]
+            right_law = one.weights == weights and truth.surface in {each.surface for each in named}
+            found = WRONG if not right_law else RIGHT if truth in named else HALF
         elif found == NONE and name not in FOREIGN:
             found = WRONG
         answers.append(found)

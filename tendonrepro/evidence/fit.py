@@ -167,14 +167,11 @@ def _fitted_alike(
 ) -> list[Fit]:
     """Fits of hypotheses to the samples that all of them can foretell."""
     rows = rows_of_all(log, joint, tried)
-    solved = []
-    for hypothesis in tried:
-        refined = _with_best_cutoff(log, joint, hypothesis, rows) if hypothesis.newest < 1.0 else hypothesis
-        _, parameters, information = _solution(log, joint, refined, rows)
-        solved.append((not possible(parameters), information, refined))
-    # Intervals take longest, and none asks for those of hypotheses that come far behind.
-    best = sorted(solved, key=lambda fit: fit[:2])[: 2 * KEPT]
-    return [fitted(log, joint, hypothesis, rounding, rows) for *_, hypothesis in best]
+    refined = [
+        _with_best_cutoff(log, joint, hypothesis, rows) if hypothesis.newest < 1.0 else hypothesis
+        for hypothesis in tried
+    ]
+    return [fitted(log, joint, hypothesis, rounding, rows) for hypothesis in refined]
 
 
 def equally_good(fits: Sequence[Fit]) -> list[Fit]:
@@ -413,8 +410,8 @@ def _filtered(log: Log, joint: int, hypothesis: Hypothesis) -> Iterator[Hypothes
 
         def error(logit: float, place: tuple[str, str] = place, rows: Rows = rows) -> float:
             filtered = hypothesis.beside(place, _newest(logit))
-            # A log may be too short, which is worse than any fit.
-            return min(_held_out_error(log, joint, filtered, _least_squares, rows), 1e9)
+            # A log may be too short, which is worse than any fit. Free coefficients let filters fit noise.
+            return min(_held_out_error(log, joint, filtered, _by_parameters, rows), 1e9)
 
         k = int(np.argmin([error(x) for x in grid]))
         low, high = grid[max(k - 1, 0)], grid[min(k + 1, 8)]
