@@ -215,7 +215,7 @@ def _refuse_to_fill(document: Parsed, name: str) -> None:
         raise ConfigError(
             f"{count_of(len(blanks), 'line')} to fill in: the names of the columns do not say enough",
             where=str(place(document, blanks[0], name)),
-            hint=f"say what those are that you need, as in 'q_d 2 deg', and delete the rest: {names}",
+            hint=f"say what each of these is, as in 'q_d 2 deg', or delete its line: {names}",
         )
 
 
