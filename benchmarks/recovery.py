@@ -1,7 +1,7 @@
 """How often `tendonrepro data recover` is right: readings x records, on plants of the parameter ranges.
 
 ``python benchmarks/recovery.py`` stores in docs/results/recover.json what docs/recover.md is about: of two
-plants, in three minutes of a processor for each record. ``--intervals`` makes intervals alone, in seconds.
+plants, in seven minutes of a processor for each record. ``--intervals`` makes intervals alone, in seconds.
 """
 
 from __future__ import annotations
