@@ -80,7 +80,7 @@ def draw_sweep(sweep: Sweep) -> style.Drawing:
         panel.set_ylabel(label)
     letters = style.letter_panels(panels.flat, [f"Joint {joint}" for _ in heights for joint in joints])
     handles = [line for panel in panels[:, 0] for line in panel.get_legend_handles_labels()[0]]
-    figure.legend(handles=handles, loc="outside upper center", ncols=5)
+    figure.legend(handles=handles, loc="outside upper center", ncols=6, columnspacing=1.2)
     caption = (
         f"Mean absolute tracking error over the whole run under values of "
         f"{' and '.join(axis.key for axis in grid.axes)}. "
