@@ -19,7 +19,7 @@ def explain(
     **folder: Unpack[Folder],
 ) -> Study:
     """Stability margins and error ratios of the sampled loop."""
-    from tendonrepro.analysis.report import explain_result
+    from tendonrepro.analysis.explain import explain_result
     from tendonrepro.configuration.load import load_config
 
     loaded = load_config(config, "compare", overrides=set, seed=seed, controllers=controllers)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
-from tendonrepro.analysis.explain import Explanation
-from tendonrepro.analysis.margins import angle_grid, channel, response
+from tendonrepro.analysis.margins import ChannelMargins, angle_grid, channel, response
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.shown import run_in_words
 from tendonrepro.experiments.loops import View
@@ -14,9 +15,14 @@ from tendonrepro.results.figures import style
 
 
 @style.journal_style()
-def draw_margins(explanation: Explanation) -> style.Drawing:
-    """Gain and phase of every joint's open loop at the middle posture, gain margins as circles."""
-    joints, views = explanation.joints, explanation.views
+def draw_margins(
+    joints: Sequence[int],
+    views: Mapping[str, View],
+    margins: Mapping[str, Sequence[ChannelMargins]],
+    posture: Array,
+    origin: str,
+) -> style.Drawing:
+    """Gain and phase of every joint's open loop at a posture, rad, with `margins` by run as circles."""
     figure = style.open_figure(style.PAGE_MM, 100.0)
     grid = figure.subplots(2, len(joints), squeeze=False, sharex=True, sharey="row")
     style.letter_panels(
@@ -24,14 +30,14 @@ def draw_margins(explanation: Explanation) -> style.Drawing:
     )
     strokes, low_gains = style.strokes_of(views), []
     for run, view in views.items():
-        hertz, channels = curves(view, explanation.postures[1])
+        hertz, channels = curves(view, posture)
         low_gains.append(np.abs(channels[:, 0]).max())
-        for (gain, phase), value, margins in zip(grid.T, channels, explanation.margins[run], strict=True):
+        for (gain, phase), value, of_joint in zip(grid.T, channels, margins[run], strict=True):
             gain.plot(hertz, np.abs(value), label=run_in_words(run), **strokes[run].line)
             phase.plot(hertz, _loop_phase(value), **strokes[run].line)
-            height = np.exp(np.interp(np.log(margins.gain_margin_hz), np.log(hertz), np.log(np.abs(value))))
+            height = np.exp(np.interp(np.log(of_joint.gain_margin_hz), np.log(hertz), np.log(np.abs(value))))
             circle = {"markersize": 3.2, "markerfacecolor": "white", "markeredgecolor": strokes[run].colour}
-            gain.plot([margins.gain_margin_hz], [height], "o", **circle)
+            gain.plot([of_joint.gain_margin_hz], [height], "o", **circle)
     for gain, phase in grid.T:
         gain.axhline(1.0, color="#999999", linewidth=0.5)
         phase.axhline(-180.0, color="#999999", linewidth=0.5)
@@ -43,10 +49,10 @@ def draw_margins(explanation: Explanation) -> style.Drawing:
     figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=6)
     caption = (
         "Open loops of every joint, the other loops closed, at the middle of the motion; circles are gain "
-        f"margins, the worst of three postures. {explanation.origin}."
+        f"margins, the worst of three postures. {origin}."
     )
-    origin = f"Circles: gain margins. Computed from the linear model, {explanation.origin}"
-    return style.Drawing("explain_margins", figure, figure.axes, caption, origin=origin)
+    told = f"Circles: gain margins. Computed from the linear model, {origin}"
+    return style.Drawing("explain_margins", figure, figure.axes, caption, origin=told)
 
 
 def curves(view: View, q: Array) -> tuple[Array, Complex]:

@@ -10,7 +10,7 @@ import pytest
 from support.overrides import SMOOTH
 
 import tendonrepro as tr
-from tendonrepro.analysis.explain import explain, load_to_error, run_modes, worst
+from tendonrepro.analysis.explain import explain, load_to_error, worst
 from tendonrepro.analysis.figures import curves, draw_margins
 from tendonrepro.analysis.margins import ChannelMargins
 from tendonrepro.configuration.load import load_config
@@ -34,8 +34,13 @@ def loaded(*overrides):
 
 
 @cache
-def found():
-    return explain(loaded())
+def found(*overrides):
+    return explain(loaded(*overrides))
+
+
+def drawn(*overrides):
+    of = found(*overrides)
+    return draw_margins(of.joints, of.views, of.margins, of.postures[1], of.origin).axes
 
 
 def decay_of(view):
@@ -52,8 +57,7 @@ def test_radius_and_decay_are_those_of_the_loop():
 
 def test_delay_leaves_plain_estimation_alternating():
     """docs/findings.md: at 500 Hz 0.13 1/s with Controller 2, and no such mode with Controller 1."""
-    views = run_views(loaded(DELAY, APPLIED).config)
-    two, one = (run_modes(views[run], found().postures, 3.0) for run in ("controller_2", "controller_1"))
+    two, one = (found(DELAY, APPLIED).modes[run] for run in ("controller_2", "controller_1"))
     assert two["ringing_decay"] == pytest.approx(0.126, abs=5e-3)
     assert two["ringing_hz"] == pytest.approx(500.0)
     assert one["ringing_hz"] < 20.0
@@ -145,7 +149,7 @@ def test_what_cannot_be_explained_is_refused(tmp_path):
 
 
 def test_figure_has_the_responses_and_their_gain_margins():
-    panels = draw_margins(found()).axes
+    panels = drawn()
     for k in range(2):
         (line,) = (line for line in panels[k].lines if line.get_label() == "Controller 2")
         hertz, channels = curves(found().views["controller_2"], found().postures[1])
@@ -158,5 +162,5 @@ def test_figure_has_the_responses_and_their_gain_margins():
 
 def test_a_pole_on_the_unit_circle_leaves_the_other_curves_their_room():
     """With this delay the gain of plain estimation has no end at 500 Hz."""
-    panel = draw_margins(explain(loaded(DELAY, APPLIED))).axes[0]
+    panel = drawn(DELAY, APPLIED)[0]
     assert panel.get_ylim()[1] < 1e5 < max(np.max(line.get_ydata()) for line in panel.lines)
