@@ -12,7 +12,7 @@ from tendonrepro.configuration.published import COMPARED, published
 from tendonrepro.configuration.shown import BOTH, STEPS
 from tendonrepro.monte_carlo.shares import RATIOS, printed_ratios
 from tendonrepro.reporting.figures import of_plants
-from tendonrepro.reporting.readings import Shown
+from tendonrepro.reporting.contents import Shown
 from tendonrepro.results.figures.style import PAGE_MM, Drawing, Look, journal_style, letter_panels, open_figure
 from tendonrepro.results.summary import CONTROLLERS
 

@@ -32,7 +32,7 @@ from tendonrepro.identification.edits.figure import draw_edits
 from tendonrepro.monte_carlo.shares import printed_ratios
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.figures import draw_answer, draw_orders
-from tendonrepro.reporting.readings import read_shown
+from tendonrepro.reporting.contents import read_shown
 from tendonrepro.results.figures.style import Drawing, save_drawing
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.tuning.figure import draw_tuning

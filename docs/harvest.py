@@ -31,7 +31,7 @@ from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.verdicts.planted import MOST_PLANTS, stable_errors
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.monte_carlo.report import COLUMNS, rows_of
-from tendonrepro.reporting.readings import head_of
+from tendonrepro.reporting.contents import head_of
 from tendonrepro.tuning.bench import PUBLISHED
 
 CLOSEST = DOCS.parent / "configs" / "closest.yaml"

@@ -6,7 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tendonrepro.reporting.reproduction import *
+from tendonrepro.reporting.commands import *
 from tendonrepro.experiments.commands import *
 from tendonrepro.analysis.commands import *
 from tendonrepro.monte_carlo.commands import *
@@ -17,7 +17,6 @@ from tendonrepro.validation.commands import *
 from tendonrepro.evidence.commands import *
 from tendonrepro.tuning.commands import *
 from tendonrepro.identification.edits.commands import *
-from tendonrepro.reporting.commands import *
 from tendonrepro.studies.command import COMMANDS as COMMANDS
 
 if TYPE_CHECKING:

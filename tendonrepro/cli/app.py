@@ -25,7 +25,7 @@ from tendonrepro.cli.adapter import add_command
 from tendonrepro.commands import AT_THE_TOP, COMMANDS, FORMER
 from tendonrepro.console import columns, without_controls
 from tendonrepro.errors import TendonreproError, UsageError
-from tendonrepro.studies.command import FILES, GROUPS, ONE_ARM
+from tendonrepro.studies.command import FILES, GROUPS, ONE_ARM, PANELS
 
 Formatter: TypeAlias = Any
 Context: TypeAlias = Any
@@ -53,13 +53,10 @@ class FirstScreen(TyperGroup):
         del ctx
         shown = {name: entry for name, entry in self.commands.items() if not entry.hidden}
         widest = formatter.width - 6 - max(map(len, shown))
-        panels: dict[str, list[tuple[str, str]]] = {}
-        for name, entry in shown.items():
-            panel: str = entry.rich_help_panel  # type: ignore[attr-defined]
-            panels.setdefault(panel, []).append((name, entry.get_short_help_str(widest)))
-        for panel, rows in panels.items():
+        for panel in PANELS:
+            of_panel = {name: entry for name, entry in shown.items() if entry.rich_help_panel == panel}  # type: ignore[attr-defined]
             with formatter.section(panel):
-                formatter.write_dl(rows)
+                formatter.write_dl([(n, entry.get_short_help_str(widest)) for n, entry in of_panel.items()])
 
     def resolve_command(self, ctx: Context, args: list[str]) -> Resolved:
         """Refuse the words of a command that has others now."""
@@ -100,7 +97,7 @@ def _help_if_alone(context: typer.Context) -> None:
 def _add_commands() -> None:
     """Commands on the first screen, groups behind them."""
     groups = {name: typer.Typer(help=about, invoke_without_command=True) for name, about in GROUPS.items()}
-    for entry in COMMANDS.values():
+    for entry in sorted(COMMANDS.values(), key=lambda entry: [*PANELS, *GROUPS].index(entry.under)):
         add_command(groups.get(entry.under, app), entry)
     for name, group in groups.items():
         group.callback()(_help_if_alone)

@@ -7,7 +7,7 @@ import numpy as np
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.shown import BOTH, GROUPS, STARTS_APART, STEPS
-from tendonrepro.reporting.readings import Row, Shown
+from tendonrepro.reporting.contents import Row, Shown
 from tendonrepro.results.figures.style import (
     PAGE_MM,
     Drawing,

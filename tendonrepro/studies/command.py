@@ -36,7 +36,7 @@ P = ParamSpec("P")
 V = TypeVar("V")
 Prepared = TypeVar("Prepared", bound="Answer[object] | Study")
 
-ONE_ARM, MANY_ARMS, PAGES, FILES = "One arm", "Many plausible arms", "Pages", "Files"
+PANELS = ONE_ARM, MANY_ARMS, PAGES, FILES = "One arm", "Many plausible arms", "Pages", "Files"
 """Panels of the first screen, in their order; the last one has the groups."""
 
 DATA, RESULT, CONFIG = "data", "result", "config"

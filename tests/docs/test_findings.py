@@ -17,8 +17,8 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.readings import default_readings
 from tendonrepro.configuration.shown import BOTH, SHOWN
+from tendonrepro.reporting.contents import Row, Shown, read_shown
 from tendonrepro.reporting.figures import ANSWER
-from tendonrepro.reporting.readings import Row, Shown, read_shown
 from tendonrepro.results.figures.style import Drawing, imprint, journal_style
 from tendonrepro.verdicts.judge import judge_all
 from tendonrepro.verdicts.words import percent

@@ -26,7 +26,7 @@ from tendonrepro.identification.misfit import Bench, Repeats
 from tendonrepro.identification.space import space_of
 from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.physics.metrics import STATUSES
-from tendonrepro.reporting.readings import read_shown
+from tendonrepro.reporting.contents import read_shown
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.tuning.bench import ALL_RUNS, PUBLISHED, as_published, measure, usable
 from tendonrepro.tuning.laws import LAWS

@@ -5,8 +5,7 @@ import json
 import pytest
 from support.html_page import read_page
 
-from tendonrepro.reporting.page import page
-from tendonrepro.reporting.stored import stored_under
+from tendonrepro.reporting.page import page, stored_under
 
 LIKE_HTML = "a<b & <i>c</i>"
 """What a user writes into a title, a source or a table stands on the page as it is."""

@@ -11,8 +11,7 @@ from support.html_page import read_page
 
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.shown import SHOWN
-from tendonrepro.reporting.page import page, pictures, plate
-from tendonrepro.reporting.stored import stored_under
+from tendonrepro.reporting.page import page, pictures, plate, stored_under
 from tendonrepro.verdicts import words
 from tendonrepro.verdicts.report import MAIN
 from tendonrepro.verdicts.rules import VERDICTS

@@ -18,11 +18,9 @@ from tendonrepro.configuration.shown import SHOWN
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import to_json
 from tendonrepro.monte_carlo.report import COLUMNS
-from tendonrepro.reporting.contents import rendered
+from tendonrepro.reporting.contents import HEAD, read_shown, rendered, shown
 from tendonrepro.reporting.figures import draw_orders
-from tendonrepro.reporting.page import run_report
-from tendonrepro.reporting.readings import HEAD, read_shown, shown
-from tendonrepro.reporting.stored import stored_under
+from tendonrepro.reporting.page import run_report, stored_under
 
 
 @pytest.mark.slow
