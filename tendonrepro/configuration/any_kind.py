@@ -10,9 +10,8 @@ from pydantic import TypeAdapter
 
 from tendonrepro.configuration import load, strict_yaml
 from tendonrepro.configuration.ensemble import EnsembleConfig, LoadedEnsemble, checked_ensemble
-from tendonrepro.configuration.from_base import MOST_JOINTS
 from tendonrepro.configuration.load import MANIPULATOR, MODELS, ConfigSource, Draft, LoadedConfig
-from tendonrepro.configuration.models.manipulator import Manipulator
+from tendonrepro.configuration.models.manipulator import MOST_JOINTS, Manipulator
 from tendonrepro.configuration.overrides import Overrides, overrides_of
 from tendonrepro.configuration.strict_model import Model
 from tendonrepro.configuration.strict_yaml import Tree, is_yaml, read_text

@@ -18,14 +18,21 @@ from typing import Literal, NamedTuple, NoReturn, TypeAlias, TypeVar
 from pydantic import ValidationError
 
 from tendonrepro.configuration import strict_yaml
-from tendonrepro.configuration.from_base import complete_arm, complete_experiment, follow
 from tendonrepro.configuration.models.experiment import CompareConfig, Config, DecoupleConfig, references_of
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.models.reference import Sampled
-from tendonrepro.configuration.overrides import Override, Overrides, apply_overrides, overrides_of
+from tendonrepro.configuration.overrides import (
+    Override,
+    Overrides,
+    apply_overrides,
+    complete_arm,
+    complete_experiment,
+    overrides_of,
+    split,
+)
 from tendonrepro.configuration.quantity import unusual
 from tendonrepro.configuration.strict_model import Model, describe, explain
-from tendonrepro.configuration.strict_yaml import Key, Location, Map, Parsed, Tree
+from tendonrepro.configuration.strict_yaml import Key, Location, Map, Tree
 from tendonrepro.errors import ConfigError, UsageError, did_you_mean
 from tendonrepro.files import sha256_of, shipped
 
@@ -85,15 +92,13 @@ def find_source(source: ConfigLike, kind: str | None) -> ConfigSource:
     return ConfigSource(strict_yaml.read_text(path, hint), origin, path)
 
 
-def find_file(
-    name: str, key: str, where: str, folders: Sequence[Path], without: Sequence[Path | None], *, shipped: bool
-) -> Path:
-    """File that a key names, in folders, then among the shipped ones, there also without its ending.
+def find_file(name: str, key: str, where: str, folder: Path, without: Sequence[Path | None]) -> Path:
+    """File that a key names, in a folder, else among the shipped ones, there also without its ending.
 
     Those in `without` are none; a ConfigError where none is left.
     """
-    places = [folder / name for folder in (*folders, *([shipped_folder()] if shipped else []))]
-    for path in (*places, *([shipped_folder() / f"{name}.yaml"] if shipped else [])):
+    places = folder / name, shipped_folder() / name
+    for path in (*places, shipped_folder() / f"{name}.yaml"):
         if path.is_file() and path not in without:
             return path
     looked = " and ".join(map(str, dict.fromkeys(places)))
@@ -114,10 +119,14 @@ class Draft:
         self._name = str(path or strict_yaml.STDIN)
         self.tree: Map = strict_yaml.load(text, self._name)
         self.kind = self._kind(wanted)
-        inner = [change for change in changes if change.path[0] == "base" and len(change.path) > 1]
-        inner = inner if self.kind == "ensemble" else []
-        self.for_base = [change._replace(path=change.path[1:]) for change in inner]
-        self._complete(path, [change for change in changes if change not in inner])
+        self.for_base: list[Override] = []
+        if self.kind == MANIPULATOR:
+            self._complete_arm(self.tree, path, changes)
+        elif self.kind == "ensemble":
+            self.for_base, own = split(changes, "base")
+            apply_overrides(self.tree, own)
+        else:
+            self._complete(path, changes)
 
     def _kind(self, wanted: str | None) -> str:
         tree = self.tree
@@ -136,26 +145,53 @@ class Draft:
 
     def _complete(self, path: Path | None, changes: Sequence[Override]) -> None:
         """Take what bases have, and make changes; that of the arm's name first, for others are inside it."""
-        tree, naming = self.tree, [change for change in changes if change.path == (MANIPULATOR,)]
-        experiment = self._take_from_base(tree, path) if self.kind in MODELS else None
+        tree = self.tree
+        base = self._base_of_experiment(tree, path)
+        naming = [change for change in changes if change.path == (MANIPULATOR,)]
+        of_arm, others = split([change for change in changes if change not in naming], MANIPULATOR)
         apply_overrides(tree, naming)
-        to_arm: Key = () if self.kind == MANIPULATOR else (MANIPULATOR,)
         if isinstance(name := tree.get(MANIPULATOR), str):
             path = self.named_file(name, MANIPULATOR)
             # What a base or an option names stands in for nothing that the file names.
             self.files.append(path)
             arm = strict_yaml.load(strict_yaml.read_text(path), str(path))
             tree[MANIPULATOR], tree.at[MANIPULATOR] = arm, strict_yaml.place(arm, (), str(path))
-        arm = strict_yaml.entry(tree, to_arm)
-        base_of_arm = self._complete_arm(arm, path)
-        if experiment:
-            complete_experiment(tree, *experiment)
-        apply_overrides(tree, [change for change in changes if change not in naming])
-        if base_of_arm:
-            base, name, given = base_of_arm
-            links = (*to_arm, "links")
-            changed = [change.path[len(links) :] for change in changes if change.path[: len(links)] == links]
-            follow(arm, base, name, given | {str(key[0]) for key in changed if key})
+        if isinstance(arm := tree.get(MANIPULATOR), Map):
+            self._complete_arm(arm, path, of_arm)
+        if base:
+            complete_experiment(tree, *base)
+        apply_overrides(tree, others)
+
+    def _base_of_experiment(
+        self, tree: Map, path: Path | None, above: Sequence[Path | None] = ()
+    ) -> tuple[Map, str] | None:
+        """What an experiment has as its base, complete, and its name; arm and joints are taken at once."""
+        if "base" not in tree:
+            return None
+        base, base_path = self._base_of(tree, path, above)
+        if inner := self._base_of_experiment(base, base_path, (*above, path)):
+            complete_experiment(base, *inner)
+        for key in {MANIPULATOR, "joints"} & base.keys() - tree.keys():
+            tree[key], tree.at[key] = base[key], base.at[key]
+        return base, base_path.stem
+
+    def _complete_arm(
+        self, arm: Map, path: Path | None, changes: Sequence[Override], above: Sequence[Path | None] = ()
+    ) -> None:
+        """Fill in what an arm in a file leaves to its base, which may have one in turn, and make changes."""
+        if "base" not in arm or "experiment" in arm:
+            apply_overrides(arm, changes)
+            return
+        where, name = str(arm.at["base"]), arm["base"]
+        base, base_path = self._base_of(arm, path, above)
+        self._complete_arm(base, base_path, (), (*above, path))
+        try:
+            Manipulator.model_validate(base)
+        except ValidationError:
+            raise ConfigError(f"base: {name!r} is not a whole arm", where=where) from None
+        if "name" not in arm:
+            arm["name"], arm.at["name"] = path.stem if path else "arm", arm.here
+        complete_arm(arm, base, base_path.stem, changes)
 
     def _base_of(self, tree: Map, path: Path | None, above: Sequence[Path | None]) -> tuple[Map, Path]:
         """What the file holds that a tree names as its base, and this file: beside its own, or shipped.
@@ -167,8 +203,7 @@ class Draft:
         if not isinstance(name, str) or ("experiment" in tree and Path(name).name != name):
             message = f"base: must be a file beside this one or a shipped one, found {describe(name)}"
             raise ConfigError(message, where=where)
-        folder = path.parent if path else self.folder
-        base_path = find_file(name, "base", where, [folder], (*above, path), shipped=True)
+        base_path = find_file(name, "base", where, path.parent if path else self.folder, (*above, path))
         # What a shipped file names stands in for nothing.
         self.files.append(base_path)
         base = strict_yaml.load(strict_yaml.read_text(base_path), str(base_path))
@@ -177,48 +212,9 @@ class Draft:
             raise ConfigError(f"base: {name!r} is not {kind}", where=where)
         return base, base_path
 
-    def _take_from_base(
-        self, tree: Map, path: Path | None, above: Sequence[Path | None] = ()
-    ) -> tuple[Map, str, set[str]] | None:
-        """Fill in the keys that an experiment leaves to its base, which may have one in turn.
-
-        This base, its name and these keys complete the sections, once the arm is known.
-        """
-        if "base" not in tree:
-            return None
-        base, base_path = self._base_of(tree, path, above)
-        if inner := self._take_from_base(base, base_path, (*above, path)):
-            complete_experiment(base, *inner)
-        left = {key: value for key, value in base.items() if key not in tree}
-        tree.update(left)
-        tree.at |= {key: base.at[key] for key in left}
-        return base, base_path.stem, set(left)
-
-    def _complete_arm(
-        self, arm: Parsed, path: Path | None, above: Sequence[Path | None] = ()
-    ) -> tuple[Map, str, set[str]] | None:
-        """Fill in what an arm in a file leaves to its base, which may have one in turn.
-
-        This base, its name and the keys of links that the file gives say what follows them.
-        """
-        if not isinstance(arm, Map) or "base" not in arm or "experiment" in arm:
-            return None
-        where, name = str(arm.at["base"]), arm["base"]
-        base, base_path = self._base_of(arm, path, above)
-        if inner := self._complete_arm(base, base_path, (*above, path)):
-            follow(base, *inner)
-        try:
-            Manipulator.model_validate(base)
-        except ValidationError:
-            raise ConfigError(f"base: {name!r} is not a whole arm", where=where) from None
-        given = set(links) if isinstance(links := arm.get("links"), Map) else set()
-        complete_arm(arm, base, base_path.stem, path.stem if path else "arm")
-        return base, base_path.stem, given
-
-    def named_file(self, name: str, *key: str | int, shipped: bool = True) -> Path:
-        """File that a key names: beside the configuration, or `shipped`."""
-        named, where = ".".join(map(str, key)), str(self.place(key))
-        return find_file(name, named, where, [self.folder], self.files[:1], shipped=shipped)
+    def named_file(self, name: str, *key: str | int) -> Path:
+        """File that a key names: beside the configuration, or shipped."""
+        return find_file(name, ".".join(map(str, key)), str(self.place(key)), self.folder, self.files[:1])
 
     def place(self, path: Key) -> Location:
         """Place of an entry: the option that set it, else file and line."""
@@ -317,7 +313,7 @@ def checked_config(
     written, trajectories = config.model_dump(mode="json", exclude_defaults=True), []
     for path, reference in references_of(config).items():
         if isinstance(reference, Sampled):
-            trajectories.append(draft.named_file(reference.file, *path, "file", shipped=False))
+            trajectories.append(draft.named_file(reference.file, *path, "file"))
             # It counts by its content, wherever it lies.
             reduce(getitem, path, written)["file"] = ""
     content = {"config": written, "trajectories": [sha256_of(path) for path in trajectories]}

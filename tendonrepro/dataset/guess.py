@@ -12,8 +12,8 @@ from typing import TypeAlias
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.from_base import MOST_JOINTS
 from tendonrepro.configuration.models.control import PAYLOAD
+from tendonrepro.configuration.models.manipulator import MOST_JOINTS
 from tendonrepro.configuration.published import published
 from tendonrepro.console import without_controls
 from tendonrepro.dataset import words

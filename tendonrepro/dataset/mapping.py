@@ -27,8 +27,8 @@ import numpy as np
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.from_base import MOST_JOINTS
 from tendonrepro.configuration.models.control import unloaded_run
+from tendonrepro.configuration.models.manipulator import MOST_JOINTS
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.strict_model import Model, explain, refuse
 from tendonrepro.configuration.strict_yaml import Parsed, entry, load, paths, place

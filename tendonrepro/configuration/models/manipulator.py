@@ -9,6 +9,9 @@ from pydantic import Field
 from tendonrepro.configuration.quantity import Joints, Matrix, Physical, Scalar, nonneg, positive, wrong_sizes
 from tendonrepro.configuration.strict_model import Mistakes, Model, SchemaVersion
 
+MOST_JOINTS = 6
+"""Joints of an arm that is completed; its postures and loads are tried up to here."""
+
 
 class Routing(Model):
     """Winches, pulleys and the sides tendons pass them on: all that Eqs. (1) and (2) need."""

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
-from tendonrepro.configuration.from_base import MOST_JOINTS
 from tendonrepro.configuration.models.control import FIRST, LOADED
+from tendonrepro.configuration.models.manipulator import MOST_JOINTS
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.results.figures import paper_figures as paper
 from tendonrepro.results.figures.panels import Sheet
