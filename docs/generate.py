@@ -28,7 +28,7 @@ from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import COMPARED, published
 from tendonrepro.configuration.shown import GROUPS, KEPT
 from tendonrepro.evidence.figure_predictions import draw_predictions
-from tendonrepro.identification.edits.figure import draw_edits
+from tendonrepro.identification.figures import draw_edits
 from tendonrepro.monte_carlo.shares import printed_ratios
 from tendonrepro.reporting import contents
 from tendonrepro.reporting.figures import draw_answer, draw_orders

@@ -6,7 +6,6 @@ import csv
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal, InvalidOperation
-from itertools import compress
 from pathlib import Path
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -76,17 +75,26 @@ class Goal:
     @property
     def sought(self) -> Goal:
         """The runs alone that have a number to fit."""
-        return self.of_runs([bool(run.any()) for run in self.fitted])
+        return self.of_runs(np.flatnonzero(self.fitted.any(axis=(1, 2))).tolist())
 
-    def of_runs(self, kept: Sequence[bool]) -> Goal:
-        """Some of the runs alone, (R,)."""
+    def of_runs(self, places: list[int]) -> Goal:
+        """Some of the runs alone, by their places."""
         return replace(
             self,
-            runs=tuple(compress(self.runs, kept)),
-            values=self.values[kept],
-            half=self.half[kept],
-            fitted=self.fitted[kept],
+            runs=tuple(self.runs[r] for r in places),
+            values=self.values[places],
+            half=self.half[places],
+            fitted=self.fitted[places],
         )
+
+    def same_order(self, sizes: Array) -> NDArray[np.bool_]:
+        """Whether errors (N, R, 2, n) rank runs as these do, (N, 2, n); of a column the runs that it has."""
+
+        def ranks(values: Array) -> NDArray[np.int64]:
+            known = np.where(self.fitted, values, np.inf)
+            return np.argsort(np.argsort(known, axis=-3, kind="stable"), axis=-3)
+
+        return np.asarray((ranks(sizes) == ranks(self.values)).all(axis=-3))
 
 
 def printed_numbers(paper: Published, joints: Sequence[int], fit: Target = "all") -> Goal:

@@ -156,9 +156,7 @@ def log_residuals(ours: Simulated, goal: Goal) -> Array:
 
 
 def in_order(ours: Simulated, goal: Goal) -> NDArray[np.bool_]:
-    """Whether the runs without payload rank as in the goal, in every column that it has whole, (N,)."""
-    theirs, sizes = goal.values[goal.compared], ours.sizes[:, goal.compared]
-    whole = np.isfinite(theirs).all(axis=0)
-    by_goal = np.take_along_axis(sizes, np.argsort(theirs, axis=0)[np.newaxis], axis=1)
-    rising = np.all((np.diff(by_goal, axis=1) > 0.0) | ~whole, axis=(1, 2, 3))
-    return np.asarray(rising & ours.ok[:, goal.compared].all(axis=1))
+    """Whether the runs without payload end well and rank as in the goal, in every column, (N,)."""
+    kept = goal.compared
+    alike = goal.of_runs(kept).same_order(ours.sizes[:, kept]).all(axis=(1, 2))
+    return np.asarray(alike & ours.ok[:, kept].all(axis=1))

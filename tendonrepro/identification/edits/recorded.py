@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import FrameType
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -32,10 +32,8 @@ APPLIED: Mapping[str, Callable[..., Numeric]] = {
 }
 """What carries out an operation of a tape, on numbers, arrays and symbols alike; all others are inputs."""
 
-GAINS = ("M_bar", "lam", "eta", "b", "Delta", "beta", "K_d", "K_p")
-"""Fields of `Law` that are inputs of a tape, joint by joint; the estimator's weights come from `ALPHA`."""
-SCALARS = ("L", "angle_scale", "power_floor")
-"""Fields of `Law` that are inputs, one for all joints."""
+GAINS = ("M_bar", "lam", "eta", "b", "Delta", "beta", "K_d", "K_p", "L", "angle_scale", "power_floor")
+"""Fields of `Law` that are inputs of a tape; the estimator's weights come from `ALPHA`."""
 ALPHA = "law.alpha"
 """The weight of the older estimate, ``weights[1]``, from which Eq. (15) has the other one."""
 
@@ -57,8 +55,6 @@ Place: TypeAlias = tuple[str, int]
 New: TypeAlias = float | str | Line
 """What stands in place of an operand: a number, an earlier line, or a line of its own."""
 Changes: TypeAlias = Mapping[Place, New]
-Given: TypeAlias = Mapping[str, Any]
-"""What a law is called with, by name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +80,11 @@ class RecordedLaw:
     labels: Mapping[str, str]
     equations: Mapping[str, str]
     law: Law
-    command: CommandFunction
+
+    @property
+    def of_paper(self) -> bool:
+        """Whether it is the paper's, not a user's."""
+        return "ddq" in self.outputs
 
 
 class _Recorder(Tape):
@@ -122,39 +122,40 @@ def _line_outside() -> int:
     return frame.f_lineno if frame else 0
 
 
-def _input(tape: Tape, name: str, *shape: int) -> Array:
-    """Symbols of an input array."""
-    cells = np.empty(shape, dtype=object)
-    for index in np.ndindex(shape):
+def _inputs(memory: Memory, law: Law, **angles: Array) -> dict[str, Array]:
+    """What a law calculates with, by the names of a tape's inputs."""
+    gains = {f"law.{name}": getattr(law, name) for name in GAINS}
+    remembered = {f"memory.{name}": part for name, part in memory._asdict().items()}
+    return {**gains, ALPHA: law.weights[1], **remembered, **angles}
+
+
+def _symbols(tape: Tape, name: str, like: Array) -> Array:
+    """Symbols of an input."""
+    cells = np.empty(np.shape(like), dtype=object)
+    for index in np.ndindex(cells.shape):
         cells[index] = tape.write(name, *map(float, index))
-    return cells
-
-
-def _symbolic(tape: Tape, law: Law) -> Law:
-    """A law whose gains are symbols; whole numbers, truths, and what is 0 or 1 in it stay."""
-    n = law.M_bar.size
-    own: dict[str, Any] = {name: _input(tape, f"law.{name}", n) for name in GAINS}
-    own |= {name: tape.write(f"law.{name}") for name in SCALARS}
-    if law.weights[1].any():
-        alpha = _input(tape, ALPHA, n)
-        own["weights"] = np.stack([1.0 - alpha, alpha])
-    own["rate_gain"] = own["eta"] if np.array_equal(law.rate_gain, law.eta) else law.rate_gain
-    return law._replace(**own)
+    symbols: Array = cells[()]
+    return symbols
 
 
 def recorded(law: Law, command: CommandFunction | None = None) -> RecordedLaw:
-    """Record a law, the paper's unless a `command` is given.
+    """Record a law, the paper's unless a `command` is given; its whole numbers, truths, 0 and 1 stay.
 
     Raises
     ------
     UnknownValueError
         Where it branches on a number.
     """
-    tape, n = _Recorder(), law.M_bar.size
-    symbols = _symbolic(tape, law)
-    start = start_memory(np.zeros(n), np.zeros(n), law.lag)._asdict()
-    memory = Memory(**{name: _input(tape, f"memory.{name}", *part.shape) for name, part in start.items()})
-    q, q_d, dq_d, ddq_d = (_input(tape, name, n) for name in ("q", "q_d", "dq_d", "ddq_d"))
+    tape, still = _Recorder(), np.zeros(law.M_bar.size)
+    like = _inputs(start_memory(still, still, law.lag), law, q=still, q_d=still, dq_d=still, ddq_d=still)
+    given = {name: _symbols(tape, name, value) for name, value in like.items()}
+    symbols = Law(**(law._asdict() | {name: given[f"law.{name}"] for name in GAINS}))
+    if law.weights[1].any():
+        symbols = symbols._replace(weights=np.stack([1.0 - given[ALPHA], given[ALPHA]]))
+    if np.array_equal(law.rate_gain, law.eta):
+        symbols = symbols._replace(rate_gain=symbols.eta)
+    memory = Memory(*(given[f"memory.{name}"] for name in Memory._fields))
+    q, q_d, dq_d, ddq_d = (given[name] for name in ("q", "q_d", "dq_d", "ddq_d"))
     own = command or control.command
     outputs = dict(zip(ANSWER, own(memory, q, q_d, dq_d, ddq_d, symbols), strict=True))
     if command is None:
@@ -162,7 +163,7 @@ def recorded(law: Law, command: CommandFunction | None = None) -> RecordedLaw:
         for part in _quantities(symbols, q_d - q, ddq_d, outputs):
             tape.claim(*part)
     by_joint = {name: [as_operand(value) for value in values] for name, values in outputs.items()}
-    return RecordedLaw(tape.lines, by_joint, tape.labels, tape.written | tape.equations, law, own)
+    return RecordedLaw(tape.lines, by_joint, tape.labels, tape.written | tape.equations, law)
 
 
 def _quantities(
@@ -225,11 +226,26 @@ class EditedLaw:
         self, memory: Memory, q: Array, q_d: Array, dq_d: Array, ddq_d: Array, law: Law
     ) -> tuple[Array, Array, Array, Array]:
         """One sample, as `physics.control.command`."""
-        given = {"memory": memory, "q": q, "q_d": q_d, "dq_d": dq_d, "ddq_d": ddq_d, "law": law}
-        tau, H_hat, s, de = self.played(ANSWER, given)
+        given = _inputs(memory, law, q=q, q_d=q_d, dq_d=dq_d, ddq_d=ddq_d)
+        tau, H_hat, s, de = self._played(ANSWER, given)
         return tau, H_hat, s, de
 
-    def played(self, names: Sequence[str], given: Given) -> list[Array]:
+    def acceleration(self, memory: Memory, q: Array, law: Law) -> Array:
+        """Eq. (16) of the paper's law, as `physics.control.delayed_acceleration`."""
+        (ddq,) = self._played(("ddq",), _inputs(memory, law, q=q))
+        return ddq
+
+    def remember(
+        self, memory: Memory, q: Array, q_d: Array, de: Array, H_hat: Array, tau: Array, law: Law
+    ) -> Memory:
+        """As `physics.control.remember`, with the accelerations of this law's Eq. (16)."""
+        kept = control.remember(memory, q, q_d, de, H_hat, tau, law)
+        if not self.base.of_paper:
+            return kept
+        newest = self.acceleration(memory, q, law)[np.newaxis]
+        return kept._replace(ddq=np.concatenate((newest, memory.ddq[:-1])))
+
+    def _played(self, names: Sequence[str], given: Mapping[str, Array]) -> list[Array]:
         """Carry out what some outputs need."""
         values: dict[str, Numeric] = {}
 
@@ -238,12 +254,11 @@ class EditedLaw:
                 return operand
             if operand not in values:
                 operation, operands = self.lines[operand]
-                is_input = operation not in APPLIED
-                values[operand] = (
-                    _entry(operation, operands, given)
-                    if is_input
-                    else APPLIED[operation](*map(value, operands))
-                )
+                if operation in APPLIED:
+                    values[operand] = APPLIED[operation](*map(value, operands))
+                else:
+                    place = tuple(int(index) for index in operands)
+                    values[operand] = given[operation][place] if place else given[operation]
             return values[operand]
 
         played = []
@@ -253,25 +268,3 @@ class EditedLaw:
                 part[i] = value(output)
             played.append(part)
         return played
-
-    def remember(
-        self, memory: Memory, q: Array, q_d: Array, de: Array, H_hat: Array, tau: Array, law: Law
-    ) -> Memory:
-        """As `physics.control.remember`, with the accelerations of this law's Eq. (16)."""
-        kept = control.remember(memory, q, q_d, de, H_hat, tau, law)
-        if "ddq" not in self.base.outputs:
-            return kept
-        (ddq,) = self.played(("ddq",), {"memory": memory, "q": q, "law": law})
-        return kept._replace(ddq=np.concatenate((ddq[np.newaxis], memory.ddq[:-1])))
-
-
-def _entry(operation: str, place: Sequence[str | float], given: Given) -> Numeric:
-    """An entry of what a law is called with."""
-    record, _, name = operation.partition(".")
-    array = given[record]
-    if operation == ALPHA:
-        array = array.weights[1]
-    elif name:
-        array = getattr(array, name)
-    entry: Numeric = array[tuple(int(index) for index in place)] if place else array
-    return entry

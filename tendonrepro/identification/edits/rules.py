@@ -1,25 +1,37 @@
-"""Every small change of a recorded law, by rule, each with its equation, its place and a name."""
+"""Every small change of recorded laws, by rule, each with its equation, its place and a name.
+
+Those of equal effect stand once.
+"""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from itertools import chain, combinations, islice, pairwise
 from typing import NamedTuple, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
+
+from tendonrepro.arrays import Array
+from tendonrepro.configuration.shown import run_in_words
 from tendonrepro.identification.edits.recorded import (
     ALPHA,
     APPLIED,
     OLD,
     UNPRINTED,
     Changes,
+    EditedLaw,
     New,
     Place,
     RecordedLaw,
+    recorded,
 )
-from tendonrepro.physics.control import ANGLES_BACK, DEGREES_PER_RADIAN, TORQUES_BACK
+from tendonrepro.physics.control import ANGLES_BACK, DEGREES_PER_RADIAN, TORQUES_BACK, Memory
 from tendonrepro.simulation.codegen.symbols import needed
+from tendonrepro.simulation.loop import Loop, TimeDelayController
 
 NAMES: Mapping[str, str] = {
     "law.M_bar": "M̄", "law.lam": "λ", "law.eta": "η", "law.b": "b", "law.Delta": "Δ", "law.beta": "β",
@@ -41,6 +53,12 @@ STEPS = {"older": 1, "newer": -1}
 
 EVERYWHERE = "everywhere"
 """Where an edit is that changes all uses of a symbol."""
+
+LAGS = {2: "L of two sampling periods", 4: "L of four sampling periods"}
+"""Delay times that are edits of the paper's law, which takes one sampling period."""
+
+POINTS, SAME = 100, 1e-9
+"""Test points, and the relative difference of torques up to which two laws are equal."""
 
 Key: TypeAlias = tuple[object, ...]
 
@@ -156,21 +174,18 @@ class Anatomy:
 
 
 def _courses(law: RecordedLaw) -> Iterator[tuple[Sequence[str], list[New | None]]]:
-    """Letters of a quantity of several times, and what the law has of it by joint, the newest first.
-
-    The memory has a place for each sampling period.
-    """
+    """Letters of a quantity of several times, and what the law has of it by joint, the newest first."""
     for i in range(law.law.M_bar.size):
-
-        def held(name: str, periods: int, i: int = i) -> list[New | None]:
-            """What the memory has, from a delay time ago on."""
-            back = range(law.law.lag, periods * law.law.lag + 1, law.law.lag)
-            return [(f"memory.{name}", (k - 1.0, float(i))) for k in back]
-
-        newest = law.outputs["ddq"][i] if "ddq" in law.outputs else None
+        held = partial(_held, law.law.lag, float(i))
+        newest = law.outputs["ddq"][i] if law.of_paper else None
         yield ("q(t)", "q(t−L)", "q(t−2L)", "q(t−3L)"), [("q", (float(i),)), *held("q", ANGLES_BACK)]
         yield ("τ(t−L)", "τ(t−2L)"), held("tau", TORQUES_BACK)
         yield ("q̈(t−L)", "q̈(t−2L)"), [newest, *held("ddq", 1)]
+
+
+def _held(lag: int, joint: float, name: str, periods: int) -> list[New | None]:
+    """What the memory, with a place for each sampling period, has from a delay time ago on."""
+    return [(f"memory.{name}", (k * lag - 1.0, joint)) for k in range(1, periods + 1)]
 
 
 def _of_operand(of: Anatomy, line: str, k: int) -> Iterator[tuple[str, str, New]]:
@@ -319,3 +334,114 @@ def _angles(of: Anatomy) -> Iterator[Place]:
     return of.uses(
         lambda line, operand: line not in remembered and (operand in of.ddq or of.lines[operand][0] in ANGLES)
     )
+
+
+@dataclass(frozen=True)
+class Variant:
+    """An edit as an engineer reads it, the edited law of each run that has it, and edits of equal torques."""
+
+    name: str
+    laws: Mapping[str, EditedLaw]
+    others: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Variants:
+    """Edits that change a torque, and names of those that change none, or that give no number anywhere."""
+
+    edits: tuple[Variant, ...]
+    unchanged: tuple[str, ...]
+    no_number: tuple[str, ...]
+    made: int
+
+
+def controller_of(loop: Loop) -> TimeDelayController:
+    """Controller of a run that is compared."""
+    assert isinstance(loop.controller, TimeDelayController)
+    return loop.controller
+
+
+def law_of(loop: Loop) -> RecordedLaw:
+    """Record the law of a run."""
+    controller = controller_of(loop)
+    return recorded(controller.law, controller.command)
+
+
+def variants_of(loops: Mapping[str, Loop]) -> Variants:
+    """All edits of the laws of some runs.
+
+    An edit of an equation that several laws have is one of all of them, and one of each alone.
+    """
+    laws = {run: law_of(loop) for run, loop in loops.items()}
+    by_name: dict[str, dict[str, EditedLaw]] = defaultdict(dict)
+    for run, law in laws.items():
+        for name, changes in edits_of(law).items():
+            by_name[name][run] = EditedLaw(law, changes)
+        for lag, words in LAGS.items() if law.of_paper and law.law.lag == 1 else ():
+            by_name[f"{EVERYWHERE}: {words}"][run] = EditedLaw(recorded(law.law._replace(lag=lag)))
+    made = []
+    for name, edited in by_name.items():
+        made.append(Variant(name, edited))
+        alone = edited if len(edited) > 1 else ()
+        made += [Variant(f"{name}, in {run_in_words(run)} alone", {run: edited[run]}) for run in alone]
+    return _distinct(made, {run: EditedLaw(law) for run, law in laws.items()})
+
+
+def _distinct(variants: Sequence[Variant], base: Mapping[str, EditedLaw]) -> Variants:
+    """Leave out what changes no torque, and name together what changes it alike."""
+    unedited = {run: torques(law) for run, law in base.items()}
+    kept, alike, no_number = [np.concatenate([*unedited.values()])], [[Variant("", base)]], []
+    for variant in variants:
+        own = {run: torques(law) for run, law in variant.laws.items()}
+        values = np.concatenate([*(unedited | own).values()])
+        equal = np.flatnonzero(_equal(np.array(kept), values))
+        if not all(np.isfinite(part).any() for part in own.values()):
+            no_number.append(variant.name)
+        elif equal.size:
+            alike[equal[0]].append(variant)
+        else:
+            kept.append(values)
+            alike.append([variant])
+    none, *edits = (replace(first, others=tuple(each.name for each in more)) for first, *more in alike)
+    return Variants(tuple(edits), none.others, tuple(no_number), len(variants))
+
+
+def _equal(laws: Array, law: Array) -> NDArray[np.bool_]:
+    """Which laws (K, values) give the values of another."""
+    with np.errstate(invalid="ignore"):
+        apart = np.abs(laws - law) / (np.abs(laws) + np.abs(law) + 1e-12)
+    alike = (laws == law) | (apart < SAME) | (np.isnan(laws) & np.isnan(law))
+    return np.asarray(alike.all(axis=1))
+
+
+def torques(law: EditedLaw) -> Array:
+    """Torques of a law at test points, and accelerations of the paper's, in a row."""
+    gains, points = law.base.law, states(law.base.law.M_bar.size)
+    with np.errstate(all="ignore"):
+        parts = [law(*points, gains)[0]]
+        if law.base.of_paper:
+            parts.append(law.acceleration(*points[:2], gains))
+    return np.concatenate([np.ravel(part) for part in parts]).astype(float)
+
+
+@cache
+def states(n: int) -> tuple[Memory, Array, Array, Array, Array]:
+    """States at which laws are compared: errors from 0.003° to 30°, moving by some encoder steps a sample."""
+    draw = np.random.default_rng(56)
+    lag = max(LAGS)
+
+    def normal(*shape: int, size: float = 1.0) -> Array:
+        return size * draw.standard_normal((*shape, n, POINTS))
+
+    e = np.exp(draw.uniform(np.log(5e-5), np.log(0.5), (n, POINTS))) * draw.choice([-1.0, 1.0], (n, POINTS))
+    q = normal(size=0.5)
+    before = q - np.cumsum(normal(ANGLES_BACK * lag, size=1e-3), axis=0)
+    memory = Memory(
+        q=before,
+        tau=normal(TORQUES_BACK * lag, size=5.0),
+        de=normal(),
+        q_d=q + e - normal(size=1e-3),
+        ddq=normal(lag, size=400.0),
+        H_hat=normal(size=5.0),
+    )
+    return memory, q, q + e, normal(), normal(size=3.0)

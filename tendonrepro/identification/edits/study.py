@@ -6,19 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
 from tendonrepro.configuration.ensemble import LoadedEnsemble
-from tendonrepro.configuration.models.control import unloaded_run
 from tendonrepro.configuration.models.readings import PRINTED, Reading, parse_reading
 from tendonrepro.configuration.published import METRICS
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.user_law import UserLaw, with_user_laws
-from tendonrepro.identification.edits.rank import Outcomes
+from tendonrepro.identification.edits.rank import APART, SCHEMA_VERSION, Outcomes, edits_result
 from tendonrepro.identification.edits.recorded import EditedLaw
-from tendonrepro.identification.edits.report import APART, SCHEMA_VERSION, edits_result
-from tendonrepro.identification.edits.variants import Variants, controller_of, law_of, variants_of
+from tendonrepro.identification.edits.rules import Variants, controller_of, law_of, variants_of
 from tendonrepro.identification.goal import Goal, goal_of, with_input
 from tendonrepro.monte_carlo import evaluate
 from tendonrepro.monte_carlo.kept import study_on_plants
@@ -39,7 +38,7 @@ KEPT = "plants"
 MEASURED = ("mae", "rmse", "torque_step_rms")
 """Statistics that are kept of a run."""
 
-Cells = dict[tuple[str, str], EditedLaw | None]
+Cells: TypeAlias = dict[tuple[str, str], EditedLaw | None]
 """Laws to run, by run and what was changed; None where nothing was."""
 
 _CELLS: dict[str, Cells] = {}
@@ -88,12 +87,10 @@ class EditStudy:
 
     @cached_property
     def cells(self) -> Cells:
-        """Laws to run, the unedited ones first."""
-        cells: Cells = {(run, ""): None for run in self.goal.runs}
-        for edit in self.variants.edits:
-            for run, law in edit.laws.items():
-                cells.setdefault((run, law.content), law)
-        return cells
+        """What runs on each plant, the unedited laws first; edits may share what they change in one run."""
+        edited = [(run, law) for edit in self.variants.edits for run, law in edit.laws.items()]
+        unedited: Cells = {(run, ""): None for run in self.goal.runs}
+        return unedited | {(run, law.content): law for run, law in edited}
 
     @cached_property
     def identity(self) -> str:
@@ -118,7 +115,7 @@ class EditStudy:
 
     def outcomes(self, records: Records, reading: int) -> Outcomes:
         """What all edits did under a reading."""
-        place = {key: k for k, key in enumerate(self.cells)}
+        place = {cell: k for k, cell in enumerate(self.cells)}
         edits = [{}, *({run: law.content for run, law in edit.laws.items()} for edit in self.variants.edits)]
         cells = np.array([[place[run, edit.get(run, "")] for run in self.goal.runs] for edit in edits])
         of = {name: records[name][:, reading][:, cells] for name in ("status", *MEASURED)}
@@ -196,4 +193,4 @@ def edited_goal(loaded: LoadedEnsemble, laws: Sequence[UserLaw], errors: Path | 
         if law.name not in goal.runs:
             message = f"has no errors of the run {law.name}, which is edited"
             raise UsageError(message, where=str(errors), hint=f"name it in the column run: {law.name}")
-    return goal.of_runs([not unloaded_run(run) for run in goal.runs])
+    return goal.of_runs(goal.compared)
