@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import html
 import re
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from importlib import import_module
-from typing import Any
 
 _CONTROLS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\ufffe\uffff]")
 """All but tabs and ends of lines, and what else YAML takes for an end of a line or refuses."""
@@ -40,7 +37,7 @@ class Talk:
 
     @contextmanager
     def bar(self, label: str, total: int) -> Iterator[Callable[[int], None]]:
-        """Show progress while the block runs: a bar in a terminal or a notebook, else lines of a log.
+        """Show progress while the block runs: a bar in a terminal, else lines of a log.
 
         Yields
         ------
@@ -49,9 +46,6 @@ class Talk:
         """
         if self.quiet or total < 1:
             yield lambda _: None
-            return
-        if _in_notebook():
-            yield _NotebookBar(label, total)
             return
         if not sys.stderr.isatty():
             yield _Log(self, label, total)
@@ -84,35 +78,6 @@ class _Log:
             self._told = share, seconds
             left = lasting(seconds * (1.0 - share) / share)
             self._talk.note(f"{self._label}: {share:.0%} after {lasting(seconds)}, about {left} to go")
-
-
-class _NotebookBar:
-    """Shows steps as a bar below the cell, of HTML, which needs no library of widgets."""
-
-    def __init__(self, label: str, total: int) -> None:
-        self._label, self._total, self._done, self._told = label, total, 0, time.monotonic()
-        # A notebook has it; nothing else needs it.
-        self._shown: Any = import_module("IPython.display").DisplayHandle()
-        self._shown.display(self)
-
-    def __call__(self, steps: int) -> None:
-        self._done += steps
-        # A browser that is told of every step falls behind.
-        if time.monotonic() - self._told > 0.2 or self._done >= self._total:
-            self._told = time.monotonic()
-            self._shown.update(self)
-
-    def __repr__(self) -> str:
-        return f"{self._label}: {self._done} of {self._total}"
-
-    def _repr_html_(self) -> str:
-        return f'<progress max="{self._total}" value="{self._done}"></progress> {html.escape(repr(self))}'
-
-
-def _in_notebook() -> bool:
-    """Whether this process is the kernel of a notebook, which alone can show a bar."""
-    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
-    return "IPKernelApp" in getattr(shell, "config", {})
 
 
 def without_controls(text: str) -> str:

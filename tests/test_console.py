@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -48,28 +47,6 @@ def test_the_quiet_say_nothing(clock: SimpleNamespace, capsys: pytest.CaptureFix
     with Talk(quiet=True).bar("working", 2) as progress:
         clock.now += 80.0
         progress(1)
-    assert capsys.readouterr().err == ""
-
-
-def test_a_notebook_shows_a_bar_below_its_cell(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    display = pytest.importorskip("IPython.display")
-    shown: list[str] = []
-
-    class Handle:
-        def display(self, bar: object) -> None:
-            shown.append(bar._repr_html_())  # type: ignore[attr-defined]
-
-        update = display
-
-    monkeypatch.setattr(display, "DisplayHandle", Handle)
-    shell = SimpleNamespace(config={"IPKernelApp": {}})
-    monkeypatch.setattr(sys.modules["IPython"], "get_ipython", lambda: shell)
-    with Talk().bar("working", 3) as progress:
-        progress(3)
-    assert 'value="0"' in shown[0]
-    assert 'value="3"' in shown[-1]
     assert capsys.readouterr().err == ""
 
 

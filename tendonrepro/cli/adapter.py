@@ -5,14 +5,14 @@ from __future__ import annotations
 import inspect
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import GenericAlias, UnionType
-from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin
+from types import GenericAlias
+from typing import Annotated, Any, Literal, cast, get_args, get_origin
 
 import typer
 
 from tendonrepro.console import Talk, without_controls
 from tendonrepro.files import to_json
-from tendonrepro.studies.command import Command, option_of, word_of
+from tendonrepro.studies.command import Command, kinds_of, option_of, word_of
 from tendonrepro.studies.parameters import Telling
 from tendonrepro.studies.study import Answer
 
@@ -102,12 +102,9 @@ def _option(parameter: inspect.Parameter, about: str) -> inspect.Parameter:
 
 def _writable(annotation: object) -> Any:
     """The type by which the command line gives a value: of a union, the first that it can write."""
-    origin = get_origin(annotation)
-    if origin is Annotated:
-        return _writable(get_args(annotation)[0])
-    if origin in (Union, UnionType):
-        kinds = (_writable(kind) for kind in get_args(annotation))
-        return next(kind for kind in kinds if kind is not None)
-    if origin is Sequence:
-        return GenericAlias(list, get_args(annotation))
-    return annotation if annotation in (bool, int, float, str, Path) or origin is Literal else None
+    for kind in kinds_of(annotation):
+        if get_origin(kind) is Sequence:
+            return GenericAlias(list, get_args(kind))
+        if kind in (bool, int, float, str, Path) or get_origin(kind) is Literal:
+            return kind
+    raise TypeError(annotation)

@@ -135,11 +135,11 @@ def redraw(
     list of Path
         Figures and tables.
     """
-    from tendonrepro.experiments import again
+    from tendonrepro.experiments import run
     from tendonrepro.results.figures import formats_of
 
     kinds = formats_of(formats, figures=figures)
-    paths = again.redraw(Path(out), names, formats=kinds, force=force)
+    paths = run.redraw(Path(out), names, formats=kinds, force=force)
     return written(paths, paths, talk)
 
 

@@ -1,4 +1,4 @@
-"""The paper's experiments: ready to run, simulated, as traces, tables and notes; and as studies."""
+"""The paper's experiments: ready to run, simulated, as traces, tables and notes; as studies; drawn again."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -23,18 +24,21 @@ from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.configuration.overrides import Overrides
 from tendonrepro.configuration.strict_model import Model
 from tendonrepro.console import Talk, count_of
-from tendonrepro.errors import TendonreproError, UsageError, did_you_mean
+from tendonrepro.errors import DataMissingError, TendonreproError, UsageError, did_you_mean
 from tendonrepro.experiments.loops import all_loops, friction_scale, growing, run_status, run_views
 from tendonrepro.experiments.rig import plant_record
 from tendonrepro.experiments.user_law import UserLaw, runs_of, with_user_laws
-from tendonrepro.files import Json
-from tendonrepro.parallel import Start, counted
+from tendonrepro.files import Json, refuse_file
+from tendonrepro.parallel import Start, counted, workers
 from tendonrepro.physics.linear_loop import SampledLoop, sampled_loop, stroke
+from tendonrepro.results.figures import DRAWN, FORMATS
 from tendonrepro.results.paper import fitted_under, with_what_they_are
 from tendonrepro.results.paper_tables import made_tables, table_data
 from tendonrepro.results.records import Trace, TraceFile
+from tendonrepro.results.store import MANIFEST, read_manifest, replaced
 from tendonrepro.results.summary import USER_LAW, tension_sizes
 from tendonrepro.results.tables import Table
+from tendonrepro.results.traces import TRACES, read_traces
 from tendonrepro.simulation.loop import Loop, TimeDelayController
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
 from tendonrepro.studies.parameters import Folder
@@ -225,10 +229,10 @@ def _notes(file: TraceFile, growing_hz: Mapping[str, float]) -> Iterator[str]:
     if under := fitted_under(file):
         yield f"The plant was fitted to the published tables under {under}, so agreement proves nothing."
     for name, trace in file.runs.items():
-        sizes = tension_sizes(file, trace)
-        for tendon, seconds in zip(trace.joint, sizes["slack_s"], strict=True) if sizes else ():
-            if seconds:
-                yield f"Tendon {tendon} does not pull in {name} for {seconds:.3f} s."
+        if sizes := tension_sizes(file, trace):
+            for tendon, seconds in zip(trace.joint, sizes["slack_s"], strict=True):
+                if seconds:
+                    yield f"Tendon {tendon} does not pull in {name} for {seconds:.3f} s."
     # A loop may grow so slowly that its run ends before the status tells.
     if runs := [f"{run} at {hz:.1f} Hz" for run, hz in growing_hz.items() if file.runs[run].status == "ok"]:
         loops = ", ".join(runs)
@@ -258,3 +262,69 @@ def paper_experiments(changes: Overrides | None, seed: int | None) -> dict[str, 
     if not changes and seed is None:
         experiments[CLOSEST] = prepared(load_config(CLOSEST, "compare"))
     return experiments
+
+
+def redraw(
+    out: Path, figures: Sequence[str] = (), *, formats: Sequence[str] = DRAWN, force: bool = False
+) -> list[Path]:
+    """Draw figures and write tables from stored traces again, and return the files.
+
+    Parameters
+    ----------
+    out : Path
+        Results folder, or the one above several.
+    figures : sequence of str
+        Names, or the paper's numbers, of the only ones to make; all, and the tables, if none is given.
+    formats : sequence of str
+        Those to draw, or none; files of others stay as they are.
+    force : bool
+        Keep a user's own files, and make changed ones again.
+    """
+    from tendonrepro.results.figures.catalogue import drawings, name_of
+    from tendonrepro.results.figures.style import save_drawn
+
+    files = _stored(out)
+    every = {name for file in files.values() for name in drawings(file)}
+    asked = [name_of(figure) for figure in figures] if figures else every
+    for name in asked:
+        if name not in every:
+            message = f"no stored traces hold what {name} shows"
+            hint = f"figures that can be drawn: {', '.join(sorted(every)) or 'none'}"
+            raise DataMissingError(message, where=str(out), hint=hint)
+
+    def make(file: TraceFile, folder: Path) -> list[Path]:
+        begun = [
+            (draw, folder / "figures", formats) for name, draw in drawings(file).items() if name in asked
+        ]
+        drawn = [path for paths in start(save_drawn, begun if formats else []) for path in paths]
+        tables = [] if figures else made_tables(file)
+        return drawn + [path for table in tables for path in table.write(folder / "tables")]
+
+    written: list[Path] = []
+    with workers(len(asked)) as start:
+        for folder, file in files.items():
+            # Measured traces lie in a folder without a manifest.
+            if not (folder / MANIFEST).exists():
+                written += make(file, folder)
+                continue
+            sha256, command = file.config_sha256, file.experiment
+            with replaced(folder, sha256, command=command, force=force, update=True) as result:
+                result.manifest = read_manifest(folder)
+                made = make(file, result.path)
+                drawn = {*result.manifest.get("figure_formats", ()), *(path.suffix[1:] for path in made)}
+                result.manifest |= {"figure_formats": [name for name in FORMATS if name in drawn]}
+            written += [folder / path.relative_to(result.path) for path in made]
+    return written
+
+
+def _stored(out: Path) -> dict[Path, TraceFile]:
+    """Traces in a folder, or in those directly below it."""
+    refuse_file(out)
+    paths = [*out.glob(TRACES)] or sorted(out.glob(f"[!.]*/{TRACES}"))
+    if not paths:
+        message = f"holds no {TRACES}, and no folder in it does"
+        hint = "run tendonrepro reproduce, or name another --out"
+        if (out / MANIFEST).exists():
+            hint = "figures and tables of this result are made by its command alone: run that again"
+        raise DataMissingError(message, where=str(out), hint=hint)
+    return {path.parent: read_traces(path.parent) for path in paths}

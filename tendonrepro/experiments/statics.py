@@ -124,6 +124,7 @@ def survey(loaded: LoadedConfig) -> Survey:
     everywhere = half_plane(len(joints))
     routes = {course: mechanism(config, course) for course in COURSES}
     every = list(product(routes, cases))
+    mapped = every if len(joints) > 1 else []
     return Survey(
         loaded,
         inputs=[
@@ -150,7 +151,7 @@ def survey(loaded: LoadedConfig) -> Survey:
         ],
         maps={
             (course, case): routes[course].tension(map_postures(config), *cases[case]).min(axis=0)
-            for course, case in (every if len(joints) > 1 else ())
+            for course, case in mapped
         },
     )
 

@@ -50,9 +50,8 @@ def model_of(config: CompareConfig) -> SimpleNamespace:
 UserFunction: TypeAlias = Callable[..., object]
 """What a user gives as a law: whether it is one shows when it is called."""
 
-Sample: TypeAlias = tuple[Memory, Array, Array, Array, Array, Law]
 Signals: TypeAlias = tuple[Array, Array, Array, Array]
-"""What a law is asked with at a sample, and its answer, as a `CommandFunction`."""
+"""What a law answers: torque, estimate, sliding variable and error rate."""
 
 
 @dataclass(frozen=True)
@@ -185,9 +184,9 @@ def _lane_function(law: UserLaw, _content: str) -> CommandFunction:
         message = f"the law {law.name} is told of its plant, and cannot run on many plants together"
         raise UsageError(message, where="--law", hint="leave out setup; knowledge comes through ddq_d")
 
-    def command(*sample: *Sample) -> Signals:
-        answer = function(*sample)
-        blank = np.full(sample[1].shape, np.nan)
+    def command(memory: Memory, q: Array, q_d: Array, dq_d: Array, ddq_d: Array, law: Law) -> Signals:
+        answer = function(memory, q, q_d, dq_d, ddq_d, law)
+        blank = np.full(q.shape, np.nan)
         return (answer, blank, blank, blank) if isinstance(answer, np.ndarray) else cast("Signals", answer)
 
     return command
@@ -201,17 +200,18 @@ def refuse_memory(law: UserLaw, loop: Loop) -> None:
     # Where nothing is run, whoever imports this needs no compiler.
     from tendonrepro.simulation.stepper import simulate
 
-    blank = SimpleNamespace()
-    asked, fresh = checked(law, blank), checked(law, blank)
-    last: list[tuple[Sample, Signals]] = []
+    asked, fresh = checked(law, SimpleNamespace()), checked(law, SimpleNamespace())
+    sample: tuple[Memory, Array, Array, Array, Array, Law]
+    answer: Signals
 
-    def command(*sample: *Sample) -> Signals:
-        last[:] = [(sample, asked(*sample))]
-        return last[0][1]
+    def command(memory: Memory, q: Array, q_d: Array, dq_d: Array, ddq_d: Array, gains: Law) -> Signals:
+        nonlocal sample, answer
+        sample = memory, q, q_d, dq_d, ddq_d, gains
+        answer = asked(*sample)
+        return answer
 
     controller = cast("TimeDelayController", loop.controller)
     simulate(replace(loop, controller=replace(controller, command=command, on_lanes=False)))
-    ((sample, answer),) = last
     if not np.array_equal(answer, fresh(*sample), equal_nan=True):
         message = f"the law {law.name} remembers earlier calls, and cannot run on many plants together"
         raise UsageError(message, where="--law", hint="memory has the torques, angles and rates before")
@@ -237,12 +237,11 @@ def checked(law: UserLaw, model: SimpleNamespace) -> CommandFunction:
         with law.explained():
             setup(model)
 
-    def command(*sample: *Sample) -> Signals:
-        # What a law does to its arguments must not reach the run.
-        memory, *angles, gains = sample
-        q = sample[1]
+    def command(memory: Memory, q: Array, q_d: Array, dq_d: Array, ddq_d: Array, gains: Law) -> Signals:
         with law.explained():
-            answer = function(Memory(*(x.copy() for x in memory)), *(x.copy() for x in angles), gains)
+            # What a law does to its arguments must not reach the run.
+            own = Memory(*(x.copy() for x in memory))
+            answer = function(own, q.copy(), q_d.copy(), dq_d.copy(), ddq_d.copy(), gains)
             answer = answer if isinstance(answer, tuple | list) else (answer, None, None, None)
             # What the law does not have is NaN, and is left out of the trace.
             parts = [np.full(q.shape, np.nan) if part is None else np.array(part) for part in answer]

@@ -15,6 +15,7 @@ from functools import cached_property, wraps
 from types import SimpleNamespace, UnionType
 from typing import (
     TYPE_CHECKING,
+    Annotated,
     ParamSpec,
     TypeVar,
     Union,
@@ -233,8 +234,7 @@ def _as_taken(annotation: object, value: object) -> object:
 
     And names with commas between, as on the command line, where several stand for a text.
     """
-    plain = getattr(annotation, "__origin__", annotation)
-    choices = get_args(plain) if get_origin(plain) in {Union, UnionType} else (plain,)
+    choices = kinds_of(annotation)
     items = [get_args(choice)[0] for choice in choices if get_origin(choice) is Sequence]
     if isinstance(value, list | tuple) and value and str in choices and not items:
         return ",".join(value)
@@ -274,24 +274,24 @@ def _said(parameter: inspect.Parameter, value: object) -> Iterator[str]:
     if parameter.kind is parameter.VAR_POSITIONAL or word_of(parameter.annotation).positional:
         yield from map(str, value if isinstance(value, list | tuple) else (value,))
         return
-    plain = getattr(parameter.annotation, "__origin__", parameter.annotation)
-    kinds = get_args(plain) if get_origin(plain) in {Union, UnionType} else (plain,)
     if isinstance(value, Mapping):
-        # Several values of a key stand without brackets.
-        many = any(
-            get_origin(kind) is Mapping and get_origin(get_args(kind)[1]) is Sequence for kind in kinds
-        )
-        texts = {
-            key: json.dumps(entry, ensure_ascii=False, separators=(",", ":"), default=str)
-            for key, entry in value.items()
-        }
-        value = [f"{key}={text[1:-1] if many else text}" for key, text in texts.items()]
-    elif isinstance(value, list | tuple) and str in kinds:
+        compact = json.JSONEncoder(ensure_ascii=False, separators=(",", ":"), default=str)
+        texts = {key: compact.encode(entry) for key, entry in value.items()}
+        # Several values of a key stand without brackets: KEY=A,B,C.
+        is_list = "," in word_of(parameter.annotation).metavar
+        value = [f"{key}={text[1:-1] if is_list else text}" for key, text in texts.items()]
+    elif isinstance(value, list | tuple) and str in kinds_of(parameter.annotation):
         value = ",".join(map(str, value))
     for item in value if isinstance(value, list | tuple) else (value,):
         yield option_of(parameter)
         if not isinstance(item, bool):
             yield str(item)
+
+
+def kinds_of(annotation: object) -> tuple[object, ...]:
+    """Types that a parameter may have: those of a union, or the one."""
+    plain = get_args(annotation)[0] if get_origin(annotation) is Annotated else annotation
+    return get_args(plain) if get_origin(plain) in {Union, UnionType} else (plain,)
 
 
 def word_of(annotation: object) -> Word:

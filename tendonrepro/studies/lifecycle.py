@@ -19,7 +19,7 @@ from tendonrepro.errors import TendonreproError
 from tendonrepro.files import Json
 from tendonrepro.parallel import Done, Item, Start, interrupts_blocked, workers
 from tendonrepro.results.store import MANIFEST, NewResult, make_manifest, refuse_others, replaced
-from tendonrepro.studies.result import Result, begin_drawing, figure_formats
+from tendonrepro.studies.result import Result, begin_drawing
 from tendonrepro.studies.study import Answer, Site, Study, cost_text
 
 AGAINST = 3
@@ -67,7 +67,7 @@ def carry_out_together(
         made = run([Site(talk, place.path, begin) for place in places])
         results: list[Result] = []
         for study, kinds, result, place in zip(studies, formats, made, places, strict=True):
-            place.manifest = _manifest(study, result, place.seconds) | figure_formats(kinds)
+            place.manifest = _manifest(study, result, place.seconds) | {"figure_formats": list(kinds)}
             results.append(result.stamped(study.command, place.manifest))
         drawn = begin_drawing(
             [(result, place.path) for result, place in zip(results, places, strict=True)], formats[0], start

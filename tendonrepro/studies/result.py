@@ -5,7 +5,6 @@ from __future__ import annotations
 import html
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -249,7 +248,7 @@ class Result:
                 take_over(
                     self.folder, place.path, (n for n in names if figures or not n.startswith("figures/"))
                 )
-            place.manifest = self.manifest | figure_formats(kinds)
+            place.manifest = self.manifest | {"figure_formats": list(kinds)}
         return target
 
     def __repr__(self) -> str:
@@ -276,27 +275,20 @@ def begin_drawing(
 ) -> Iterable[list[Path]]:
     """Begin to draw the figures of results into their folders; who runs through them waits.
 
-    Figures of traces are drawn by what `start` starts, the others in this process.
+    Figures of traces are drawn by what `start` starts, those of another study in this process.
     """
-
-    def asked(*, of_traces: bool) -> list[tuple[Callable[[], Drawing], Path, Sequence[str]]]:
-        return [
-            (draw, folder / "figures", formats)
-            for result, folder in results
-            if (result.traces is not None) == of_traces
-            for draw in result._drawings.values()
-        ]
-
-    elsewhere, here = (asked(of_traces=True), asked(of_traces=False)) if formats else ([], [])
-    if not here and not elsewhere:
+    if not formats:
+        return ()
+    figures = [
+        (draw, folder / "figures", formats)
+        for result, folder in results
+        for draw in result._drawings.values()
+    ]
+    if not figures:
         return ()
     from tendonrepro.results.figures.style import save_drawn
 
-    # Later figures first, for they have more panels.
-    begun = start(save_drawn, elsewhere[::-1]) if elsewhere else ()
-    return chain(map(save_drawn, here), begun)
-
-
-def figure_formats(formats: Sequence[str]) -> dict[str, list[str]]:
-    """What a manifest says of figures: their formats, none where none were drawn."""
-    return {"figure_formats": list(formats)}
+    if any(result.traces is None for result, _ in results):
+        return map(save_drawn, figures)
+    # Later ones first, for they have more panels.
+    return start(save_drawn, figures[::-1])
