@@ -39,7 +39,6 @@ from tendonrepro.tuning.figure import draw_tuning
 from tendonrepro.tuning.laws import LAWS
 from tendonrepro.verdicts import words
 from tendonrepro.verdicts.ledger import read_ledger
-from tendonrepro.verdicts.report import claims_table
 
 README = DOCS.parent / "README.md"
 PAGES = (README, *(DOCS / f"{name}.md" for name in
@@ -61,7 +60,7 @@ def write_pages() -> None:
 
 def claims_csv() -> str:
     """Every claim and number with its verdict, as ``tendonrepro claims`` writes them."""
-    return claims_table([*read_ledger(stored("claims")).verdicts.values()]).csv()
+    return words.claims_table([*read_ledger(stored("claims")).verdicts.values()]).csv()
 
 
 def pictures() -> dict[str, Drawing]:

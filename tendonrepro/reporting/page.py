@@ -27,7 +27,6 @@ from tendonrepro.results.paper import is_arm_of_paper
 from tendonrepro.results.store import MANIFEST, read_manifest
 from tendonrepro.verdicts import words as verdict_words
 from tendonrepro.verdicts.ledger import Ledger, read_ledger
-from tendonrepro.verdicts.report import MAIN
 from tendonrepro.verdicts.rules import VERDICTS
 
 _MARK = b'<meta name="generator" content="tendonrepro'
@@ -225,7 +224,7 @@ def page(sources: ReportSources, again: str | None = "tendonrepro report") -> st
             "answer": drawn_plate(draw_answer(sources.ensemble)),
             "orders": drawn_plate(draw_orders(sources.ensemble)),
         },
-        main=[verdicts[name] for name in MAIN],
+        main=[verdicts[name] for name in verdict_words.MAIN],
         others=[judged for judged in verdicts.values() if judged.is_shown],
         verdicts=VERDICTS,
         contents=contents,

@@ -50,8 +50,8 @@ def claims(
     return claims_study(
         Path(out),
         ids,
-        baseline=None if baseline is None else Path(baseline),
-        measured=None if measured is None else Path(measured),
+        baseline=baseline,
+        measured=measured,
         check=check,
         every=all,
         folder=Folder(formats=formats, figures=figures, force=force),

@@ -15,14 +15,14 @@ from tendonrepro.errors import DataMissingError
 from tendonrepro.monte_carlo.shares import FEW, LEAST_PLANTS, Share
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts import rules
-from tendonrepro.verdicts.from_print import NUMBERS, PERCENTAGES, formula_of
+from tendonrepro.verdicts.from_print import INCREASES, NUMBERS, PERCENTAGES, formula_of
 from tendonrepro.verdicts.rules import Evidence, Mask, Ruling, not_testable
-from tendonrepro.verdicts.statements import Claim, Plants, Statement, claim_on, smaller, together
+from tendonrepro.verdicts.statements import Claim, Plants, Statement, claim_on, direction, together
 
 COMMAND = "tendonrepro ensemble"
 HARDWARE = "The paper measured hardware; this is what the printed equations do on the plants of the box."
 
-VALUES: Mapping[str, str] = {"order": "table2.", "payload": "increase."}
+VALUES: Mapping[str, str] = {"order": "table2.", "payload": INCREASES}
 """Rules of claims that print values, and how the ids of these begin."""
 
 LEAST: Mapping[str, float] = {"rmse_over_mae": 1.0}
@@ -39,20 +39,10 @@ def numbers_of(plants: Plants, paper: Published, identifier: str) -> tuple[Array
     return values, plants.ok(*CONTROLLERS, *(error.run for error in errors)) & np.isfinite(values)
 
 
-def _direction(plants: Plants, paper: Published, identifier: str) -> Statement | None:
-    """What a percentage claims besides its size; nothing of errors that are printed alike."""
-    part, whole = formula_of(paper, identifier).errors
-    sizes = [paper.number(error.id) for error in (part, whole)]
-    if sizes[0] == sizes[1]:
-        return None
-    runs = (part.run, whole.run) if sizes[0] < sizes[1] else (whole.run, part.run)
-    return smaller(plants, part.metric, *runs, part.metric.upper())[plants.joints.index(part.joint)]
-
-
 def _all_reversed(plants: Plants, paper: Published, identifier: str, judged: Mask) -> bool:
     """Whether the directions of all percentages between the same runs are reversed."""
     compared = re.split(r"mae|rmse", identifier)[0]
-    directions = [_direction(plants, paper, name) for name in paper.entries if name.startswith(compared)]
+    directions = [direction(plants, paper, name) for name in paper.entries if name.startswith(compared)]
     shares = [plants.share(part.holds, judged).share for part in directions if part is not None]
     return len(shares) == len(directions) and max(shares) <= FEW
 
@@ -82,13 +72,13 @@ def _number(plants: Plants, paper: Published, identifier: str) -> Ruling:
     low, high = map(float, paper.interval(identifier))
     power = rules.power_of((low, high), box, LEAST.get(identifier.partition(".")[0], 0.0))
     evidence: Evidence = {"box": asdict(box), "also_passing": power, "share_judged": float(judged.mean())}
-    statement = _direction(plants, paper, identifier) if identifier.startswith(PERCENTAGES) else None
-    direction, whole = None, False
+    statement = direction(plants, paper, identifier) if identifier.startswith(PERCENTAGES) else None
+    share, whole = None, False
     if statement is not None:
-        direction = plants.share(statement.holds, judged)
+        share = plants.share(statement.holds, judged)
         whole = _all_reversed(plants, paper, identifier, judged)
-        evidence["direction"] = {"statement": statement.text, **asdict(direction)}
-    ruling = rules.of_number((low, high), box, direction, power, all_reversed=whole)
+        evidence["direction"] = {"statement": statement.text, **asdict(share)}
+    ruling = rules.of_number((low, high), box, share, power, all_reversed=whole)
     return replace(ruling, ours=box.median, evidence=evidence | {"remarks": _hardware(ruling)})
 
 
@@ -140,10 +130,11 @@ def _by_statements(plants: Plants, claim: Claim) -> Ruling:
     overall = against(claim.statements)
     evidence: Evidence = asdict(wholes[best])
     if len(wholes) > 1:
-        by = {name: rules.of_claim(wholes[name], against(parts)) for name, parts in claim.measures.items()}
         evidence["measure"] = best
         evidence["by_measure"] = [
-            {"measure": name, "verdict": part.verdict, **asdict(wholes[name])} for name, part in by.items()
+            {"measure": name, "verdict": rules.of_claim(whole, against(claim.measures[name])).verdict}
+            | asdict(whole)
+            for name, whole in wholes.items()
         ]
     told = claim.opposite.text if claim.opposite else "no statement holds"
     evidence["opposite"] = {"statement": told, **asdict(overall)}

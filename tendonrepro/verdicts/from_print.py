@@ -33,7 +33,8 @@ from tendonrepro.verdicts.rules import Bounds, Evidence, Ruling, Rulings, meets,
 NUMBERS = ("value", "shape", "joints", "dose", "ratio", "increase")
 """Rules of numbers that follow from these errors, or are one of them."""
 
-PERCENTAGES = ("share.", "increase.")
+INCREASES = "increase."
+PERCENTAGES = ("share.", INCREASES)
 """How the ids of the percentages of sections 5.3 and 5.4 begin."""
 
 

@@ -26,7 +26,7 @@ from tendonrepro.results.store import read_manifest
 from tendonrepro.studies.parameters import MEASURED_FILE, Folder
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site, Study
-from tendonrepro.verdicts import from_ensemble, ledger, measurement, planted, report, rules, sensitivity
+from tendonrepro.verdicts import from_ensemble, ledger, measurement, planted, rules, sensitivity, words
 from tendonrepro.verdicts.from_print import judge_print
 from tendonrepro.verdicts.ledger import ByChoice, Verdict
 from tendonrepro.verdicts.rules import Evidence, Ruling, Rulings, not_testable
@@ -159,28 +159,13 @@ def claims_study(
     above: Path,
     ids: Sequence[str] = (),
     *,
-    baseline: Path | None = None,
-    measured: Path | None = None,
+    baseline: Path | str | None = None,
+    measured: Path | str | None = None,
     check: bool = False,
     every: bool = False,
     folder: Folder,
 ) -> Study:
-    """Prepare the judging of claims.
-
-    Parameters
-    ----------
-    above : Path
-        Folder above the results.
-    ids : sequence of str
-        Claims to show with all their evidence; nothing is written then.
-    baseline : Path, optional
-        An earlier ``claims.json``; only changes fail a check then.
-    measured : Path, optional
-        By default ``data/measured.h5``.
-    check : bool
-        Whether a verdict against the paper fails the command.
-    every : bool
-        Show more than the main claims.
+    """Prepare `claims` of verdicts/commands.py; by default the measurement is ``data/measured.h5``.
 
     Raises
     ------
@@ -192,42 +177,39 @@ def claims_study(
     refuse_file(above)
     if baseline and ids:
         raise UsageError("compares all claims that it holds; name none", where="--baseline")
-    before = _baseline(baseline) if baseline else None
+    before = _baseline(Path(baseline)) if baseline else None
 
     def run(site: Site) -> Result:
         data = _ensemble(above / ENSEMBLE, site.talk)
-        file = _measured(measured, site.talk)
-        verdicts, origin = _judged(data, file, ids, above / ENSEMBLE, site.talk)
+        verdicts, origin = _judged(data, _measured(measured, site.talk), ids, above / ENSEMBLE, site.talk)
         changes = ledger.changed(before or {}, verdicts)
         failing = [verdict.id for verdict in verdicts if verdict.verdict in rules.FAILURES]
-        told = Result(
+        result = Result(
             ledger.as_data(verdicts, origin),
-            list(map(report.details_text, verdicts)),
+            list(map(words.details_text, verdicts)),
+            manifest={"ensemble": None if data is None else [data.identity, data.planned]},
             beside={} if before is None else {"changed": changes},
             fails_check=check and bool(failing if before is None else changes),
         )
         if ids:
-            return told
-        since = [] if before is None else [report.changes_text(changes, before, verdicts)]
-        told = replace(
-            told,
-            parts=[report.table_text(verdicts, every=every), *since, report.claims_table(verdicts)],
-            manifest={"ensemble": None},
+            return result
+        since = [] if before is None else [words.changes_text(changes, before, verdicts)]
+        result = replace(
+            result, parts=[words.table_text(verdicts, every=every), *since, words.claims_table(verdicts)]
         )
-        if data is None:
-            return told
-        from tendonrepro.verdicts.figures import draw_influences
-
-        influences = sensitivity.rankings(data)
-        return replace(
-            told,
-            manifest={"ensemble": [data.identity, data.planned]},
-            files={"decides.json": to_json(influences)},
-            drawings={"decides": partial(draw_influences, influences, len(data))} if influences else {},
-        )
+        return result if data is None else _with_influences(result, data)
 
     # Whatever lies under the results, the ledger is the same command's.
     return Study(None, run, folder, place=above / FOLDER, shown=bool(ids))
+
+
+def _with_influences(result: Result, data: EnsembleData) -> Result:
+    """Add which unknowns decide, as a file and a figure."""
+    from tendonrepro.verdicts.figures import draw_influences
+
+    influences = sensitivity.rankings(data)
+    drawings = {"decides": partial(draw_influences, influences, len(data))} if influences else {}
+    return replace(result, files={"decides.json": to_json(influences)}, drawings=drawings)
 
 
 def _judged(
@@ -254,10 +236,10 @@ def _ensemble(folder: Path, talk: Talk) -> EnsembleData | None:
     return None
 
 
-def _measured(path: Path | None, talk: Talk) -> TraceFile | None:
+def _measured(path: Path | str | None, talk: Talk) -> TraceFile | None:
     """Read a measurement of the paper's arm, if there is one."""
     path = path or (MEASURED_FILE if MEASURED_FILE.exists() else None)
-    file = measurement.read_measured(path) if path else None
+    file = measurement.read_measured(Path(path)) if path else None
     if file is None or of_paper(file):
         return file
     talk.note(f"{path}: not of the paper's arm; judging without it")

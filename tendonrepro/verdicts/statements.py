@@ -25,6 +25,7 @@ from tendonrepro.monte_carlo.data import CaseName
 from tendonrepro.monte_carlo.shares import Share, Spread, share_of, spread_of
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.summary import CONTROLLERS
+from tendonrepro.verdicts.from_print import INCREASES, formula_of
 from tendonrepro.verdicts.rules import MOST_UNRESOLVED, SIMILAR, Mask
 
 OK, UNRESOLVED = STATUSES.index("ok"), STATUSES.index("unresolved")
@@ -122,8 +123,9 @@ class Plants:
 
 
 AS_PRINTED, IDEAL, HALVED = reading({}), reading({"encoder": "ideal"}), reading({"M_bar": "halved"})
-SHORTER, LONGER = (reading({"sampling_period": period}) for period in ("0.5ms", "2ms"))
-IDEAL_SHORTER, IDEAL_LONGER = (reading(dict(IDEAL.settings + way.settings)) for way in (SHORTER, LONGER))
+SHORTER, LONGER = reading({"sampling_period": "0.5ms"}), reading({"sampling_period": "2ms"})
+IDEAL_SHORTER = reading({"encoder": "ideal", "sampling_period": "0.5ms"})
+IDEAL_LONGER = reading({"encoder": "ideal", "sampling_period": "2ms"})
 
 RIVALS = CONTROLLERS[1:]
 ERRORS: Mapping[str, str] = {"mae": "MAE", "rmse": "RMSE"}
@@ -187,6 +189,16 @@ def smaller(
     return _each_joint(plants, f"{what} of {first} below that of {second}", holds, measure)
 
 
+def direction(plants: Plants, paper: Published, identifier: str) -> Statement | None:
+    """What a percentage claims besides its size; nothing of errors that are printed alike."""
+    part, whole = formula_of(paper, identifier).errors
+    sizes = [paper.number(error.id) for error in (part, whole)]
+    if sizes[0] == sizes[1]:
+        return None
+    runs = (part.run, whole.run) if sizes[0] < sizes[1] else (whole.run, part.run)
+    return smaller(plants, part.metric, *runs, ERRORS[part.metric])[plants.joints.index(part.joint)]
+
+
 def together(statements: Sequence[Statement]) -> Mask:
     """Where all hold."""
     return np.asarray(np.logical_and.reduce([part.holds for part in statements]))
@@ -205,16 +217,19 @@ def stable(plants: Plants, _: Published) -> Claim:
 def in_order(plants: Plants, paper: Published, statistics: Mapping[str, str]) -> Claim:
     """C2 and F1: some statistics of Controllers 1 < 2 < 3, or what other order is printed."""
     printed = printed_order(paper, plants.joints, statistics) or CONTROLLERS
-    n, best = len(plants.joints), printed[0]
-    published, reverse, last = (
-        [
+    best, n = printed[0], len(plants.joints)
+
+    def ordered(pairs: Iterable[tuple[Run, Run]]) -> list[Statement]:
+        return [
             statement
-            for first, second in pairs
-            for name, what in statistics.items()
+            for (first, second), (name, what) in product(pairs, statistics.items())
             for statement in smaller(plants, name, first, second, what)
         ]
-        for pairs in (pairwise(printed), pairwise(printed[::-1]), product(printed[1:], [best]))
-    )
+
+    published = ordered(pairwise(printed))
+    reverse = ordered(pairwise(reversed(printed)))
+    last = ordered((other, best) for other in printed[1:])
+    # Statements of joint i are every n-th.
     beside = [
         Statement(f"joint {joint}: {text}, by chance on 1/6", together(statements[i::n]))
         for i, joint in enumerate(plants.joints)
@@ -314,12 +329,8 @@ def _smaller_up(plants: Plants, signal: str, size: str, by: float = 0.0) -> list
 
 def payload(plants: Plants, paper: Published) -> Claim:
     """P1: the payload makes errors of Controller 1 larger, or smaller where that is printed."""
-    statements = []
-    for name, what in ERRORS.items():
-        before, after = (paper.per_joint(f"{row_of(run)}.{name}", plants.joints) for run in (FIRST, LOADED))
-        larger, less = (smaller(plants, name, *runs, what) for runs in ((FIRST, LOADED), (LOADED, FIRST)))
-        for row in zip(before, after, larger, less, strict=True):
-            statements += [row[2]] if row[0] < row[1] else [row[3]] if row[0] > row[1] else []
+    changes = (direction(plants, paper, name) for name in paper.entries if name.startswith(INCREASES))
+    statements = [change for change in changes if change is not None]
     if not statements:
         raise DataMissingError("a change with the payload in the print")
     # A bench may have run Controller 1 alone.

@@ -13,9 +13,8 @@ from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.shown import SHOWN
 from tendonrepro.reporting.page import page, pictures, plate, stored_under
 from tendonrepro.verdicts import words
-from tendonrepro.verdicts.report import MAIN
 from tendonrepro.verdicts.rules import VERDICTS
-from tendonrepro.verdicts.words import claim_in_words, percent
+from tendonrepro.verdicts.words import MAIN, claim_in_words, percent
 
 PARTS = "answer why decouple compare claims inconsistencies questions assumptions again"
 

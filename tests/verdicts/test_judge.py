@@ -9,9 +9,9 @@ from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.errors import UsageError
 from tendonrepro.verdicts.judge import judge_all
 from tendonrepro.verdicts.ledger import changed
-from tendonrepro.verdicts.report import claims_table, table_text
 from tendonrepro.verdicts.rules import FAILURES
 from tendonrepro.verdicts.statements import IDEAL_LONGER, LONGER
+from tendonrepro.verdicts.words import claims_table, table_text
 
 
 class TestReadings:

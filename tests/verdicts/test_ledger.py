@@ -17,8 +17,8 @@ from tendonrepro.results.traces import write_traces
 from tendonrepro.studies.lifecycle import AGAINST, carry_out
 from tendonrepro.verdicts.judge import claims_study, judge_all
 from tendonrepro.verdicts.ledger import as_data, shipped_ledger, with_shipped
-from tendonrepro.verdicts.report import details_text
 from tendonrepro.verdicts.rules import EDITION
+from tendonrepro.verdicts.words import details_text
 
 
 def claimed(out, ids=(), *, force=False, talk=None, **asked):
