@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -164,7 +165,7 @@ def _processes(jobs: int) -> Iterator[Executor]:
 
     context = get_context("fork") if _can_fork() else None
     try:
-        executor = ProcessPoolExecutor(jobs, context=context, initializer=_end_with, initargs=(os.getpid(),))
+        executor = ProcessPoolExecutor(jobs, context=context, initializer=_begin, initargs=(os.getpid(),))
     except OSError as error:
         message = f"worker processes cannot share their locks: {error.strerror or error}"
         hint = "they lie in /dev/shm on Linux: make it writable, or leave one processor, as taskset -c 0 does"
@@ -216,8 +217,8 @@ def interrupts_blocked() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _end_with(parent: int) -> None:
-    """End this process as soon as the one that started it is gone, even where that was killed."""
+def _begin(parent: int) -> None:
+    """Let this process end as soon as the one that started it is gone, even where that was killed."""
 
     def watch() -> None:
         while os.getppid() == parent:
@@ -225,3 +226,5 @@ def _end_with(parent: int) -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
+    # What a copy was made with stays: loky would look it through for garbage after a task, for 0.1 s.
+    gc.freeze()

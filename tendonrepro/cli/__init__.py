@@ -23,6 +23,9 @@ def main() -> None:
         else:
             sys.stderr.write("error: interrupted\n")
         sys.exit(130)
+    finally:
+        # What is left ends with this process, which would look it through for 0.2 s.
+        gc.freeze()
 
 
 __all__ = ["main"]
