@@ -1,17 +1,22 @@
-"""Files, folders and archives as tables."""
+"""Files, folders and archives as tables. Texts are read by `text`, nested values by `nested`, others here."""
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import tarfile
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from tendonrepro.dataset import formats
-from tendonrepro.dataset.tables import BY_JOINT, Columns, Tables, Unreadable, by_joint, with_one_time
+import numpy as np
+import pandas as pd
+
+from tendonrepro.dataset import tables
+from tendonrepro.dataset.tables import Columns, Tables, Unreadable
 from tendonrepro.dataset.text import encoding_of_bytes, read_text_table
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import md5_of
@@ -24,6 +29,11 @@ _ARCHIVES = {".zip", ".tar", ".tgz", ".gz", ".bz2", ".xz"}
 _TEXTS = {".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm", ".log", ".prn", ".mot", ".sto", ""}
 _UNICODE = 0x800
 """Flag of a name in a zip that is Unicode."""
+_DEFAULT_SHEET = re.compile(r"(sheet|tabelle|工作表|feuil)\s*\d*", re.IGNORECASE)
+_MOST_HEAD = 2000
+"""Rows of a sheet that are looked through for the first numbers."""
+_END = "***End_of_Header***"
+"""Of a LabVIEW measurement; it has a header of its own, and one of its only segment."""
 
 
 class Contents(NamedTuple):
@@ -50,15 +60,14 @@ def read_files(paths: Sequence[Path]) -> Contents:
         if not path.exists():
             hint = "tendonrepro data fetch gets the record"
             raise DataMissingError("is not there", where=str(path), hint=hint)
-    tables: list[Columns] = []
+    read: list[Columns] = []
     unread: dict[str, str] = {}
     left_out: dict[str, list[str]] = {}
     with tempfile.TemporaryDirectory() as scratch:
         names = {path: "" if path.is_dir() else _as_text(path.name) for path in paths}
         files = [file for path, name in names.items() for file in _files(path, name, scratch, unread)]
-        packages = [path for path, _ in files if path.suffix == ".json"]
         # A package reads the tables beside it, and knows their units.
-        described = {table.resolve() for path in packages for table in formats.packaged(path)}
+        described = {table.resolve() for path, _ in files for table in packaged(path)}
         for path, name in files:
             if path.resolve() in described:
                 continue
@@ -67,13 +76,13 @@ def read_files(paths: Sequence[Path]) -> Contents:
             except Unreadable as error:
                 unread[name] = str(error)
                 continue
-            tables += of_file
+            read += of_file
             if lines:
                 left_out[name] = lines
-    if not tables:
+    if not read:
         reasons = "; ".join(f"{file}: {reason}" for file, reason in unread.items()) or "no files"
         raise DataMissingError(f"nothing to read: {reasons}"[:500])
-    return Contents(tables, unread, left_out)
+    return Contents(read, unread, left_out)
 
 
 def _files(path: Path, name: str, scratch: str, unread: dict[str, str]) -> Iterator[tuple[Path, str]]:
@@ -140,18 +149,20 @@ def read_file(path: Path, name: str) -> tuple[list[Columns], list[str]]:
     if size > MOST_BYTES:
         raise Unreadable(f"{size / 2**30:.1f} GiB, more than {MOST_BYTES >> 30} GiB")
     try:
-        tables = _reader_of(path)(path)
+        read = _reader_of(path)(path)
     except Unreadable:
         raise
     except Exception as error:
         raise Unreadable(f"damaged, or not what its name says: {error}"[:200]) from error
-    left_out = tables.left_out + [
-        f"{inner}: {note}" if inner else note for inner, columns in tables.items() for note in columns.notes
+    left_out = read.left_out + [
+        f"{inner}: {note}" if inner else note for inner, columns in read.items() for note in columns.notes
     ]
-    filled = {inner: columns for inner, columns in tables.items() if columns}
+    filled = {inner: columns for inner, columns in read.items() if columns}
     for columns in filled.values():
-        with_one_time(columns)
-    wide = {f"{inner}.{BY_JOINT}".strip("."): by_joint(columns) for inner, columns in filled.items()}
+        tables.with_one_time(columns)
+    wide = {
+        f"{inner}.{tables.BY_JOINT}".strip("."): tables.by_joint(columns) for inner, columns in filled.items()
+    }
     filled |= {inner: columns for inner, columns in wide.items() if columns}
     if not filled:
         reasons = f": {'; '.join(left_out)}" if left_out else ""
@@ -162,24 +173,126 @@ def read_file(path: Path, name: str) -> tuple[list[Columns], list[str]]:
     return list(filled.values()), left_out
 
 
+def read_workbook(path: Path) -> Tables:
+    """Read the sheets that hold numbers."""
+    sheets = pd.read_excel(path, sheet_name=None, header=None, engine="calamine")
+    read = {str(name): _sheet(sheet) for name, sheet in sheets.items()}
+    filled = {name: columns for name, columns in read.items() if columns}
+    empty = [name for name in read if name not in filled and not sheets[name].empty]
+    left_out = [f"sheet {name!r}: no table of numbers" for name in empty]
+    # A single sheet under the name that a program gave it has none.
+    if len(filled) == 1 and all(map(_DEFAULT_SHEET.fullmatch, filled)):
+        filled = {"": filled.popitem()[1]}
+    return Tables(filled, left_out)
+
+
+def _sheet(sheet: pd.DataFrame) -> Columns:
+    sheet = sheet.dropna(how="all").reset_index(drop=True)
+    columns = Columns()
+    rows: list[list[str]] = sheet.iloc[:_MOST_HEAD].map(_written).to_numpy().tolist()
+    last: list[list[str]] = sheet.iloc[-60:].map(_written).to_numpy().tolist()
+    first = tables.first_numbers(rows, last)
+    if first is not None:
+        for place, name in enumerate(tables.names_of(rows[:first], sheet.shape[1])):
+            tables.add_column(columns, name, sheet.iloc[first:, place], first + 1)
+    return columns
+
+
+def _written(cell: Any) -> str:
+    """A cell as a text would have it; times and dates count as numbers."""
+    if pd.isna(cell):
+        return ""
+    return "0" if hasattr(cell, "total_seconds") or hasattr(cell, "isoformat") else str(cell).strip()
+
+
+def read_lvm(path: Path) -> Tables:
+    """Read a LabVIEW measurement; where it has no times, they follow from its header.
+
+    Raises
+    ------
+    Unreadable
+        If it is no table, or has several segments.
+    """
+    with path.open(encoding="latin-1") as stream:
+        head, _, _ = stream.read(2**16).rpartition(_END)
+        stream.seek(0)
+        if sum(line.startswith(_END) for line in stream) > 2:
+            raise Unreadable(
+                "a LabVIEW measurement of several segments: write it with one header, or as TDMS"
+            )
+    told = re.findall(r"^(X0|Delta_X)\t([-+\d.,eE]+)", head, re.MULTILINE)
+    settings = {name: float(number.replace(",", ".")) for name, number in told}
+    (recorded,) = read_text_table(path).values()
+    columns = Columns()
+    columns.notes = recorded.notes
+    times = [name for name in recorded if re.match(r"X[_ ]Value", name)]
+    step = settings.get("Delta_X", 0.0)
+    if step and not times:
+        samples = len(next(iter(recorded.values()), []))
+        columns.add("time", settings.get("X0", 0.0) + step * np.arange(float(samples)), "s")
+        columns.notes.append(f"times are made from Delta_X, {step:g} s")
+    for name, values in recorded.items():
+        columns.add("time" if name in times else name, values, "s" if name in times else "")
+    return Tables({"": columns})
+
+
+def packaged(path: Path) -> dict[Path, tuple[str, dict[str, str]]]:
+    """Name, and units of the fields, of each table of a frictionless data package; none of other files."""
+    if path.suffix.lower() != ".json":
+        return {}
+    described = {}
+    try:
+        for resource in json.loads(path.read_text(encoding="utf-8-sig"))["resources"]:
+            table = path.parent / resource["path"]
+            fields = resource.get("schema", {}).get("fields", [])
+            units = {field["name"]: field.get("unit") or "" for field in fields}
+            if table.is_file():
+                described[table] = resource.get("name") or table.stem, units
+    except (ValueError, KeyError, TypeError, AttributeError, OSError):
+        return {}
+    return described
+
+
+def read_package(path: Path) -> Tables:
+    """Read the tables of a data package, as svgdigitizer writes them, with the units of its fields.
+
+    Raises
+    ------
+    Unreadable
+        If a JSON file is none, or its tables are missing.
+    """
+    resources = packaged(path)
+    if not resources:
+        raise Unreadable("a JSON file that is no data package with a table beside it")
+    read = Tables()
+    for table, (name, units) in resources.items():
+        cells = read_text_table(table)[""]
+        columns = Columns()
+        columns.notes = cells.notes
+        for column, values in cells.items():
+            # A curve is called y where its figure does not say more; then the table's name tells.
+            said = name if column.casefold() in ("y", "value") else column
+            columns.add(said, values, units.get(column, ""))
+        read["" if len(resources) == 1 and name == path.stem else name] = columns
+    return read
+
+
 def _reader_of(path: Path) -> Callable[[Path], Tables]:
     """What reads a file, by its first bytes before its name."""
     with path.open("rb") as stream:
         head = stream.read(512)
     suffix = path.suffix.lower()
-    if suffix == ".mat" or head.startswith(b"MATLAB"):
+    is_matlab = suffix == ".mat" or head.startswith(b"MATLAB")
+    is_tdms = suffix == ".tdms" or head.startswith(b"TDSm")
+    if is_matlab or is_tdms or head.startswith(b"\x89HDF"):
         # Its libraries take half a second to import.
-        from tendonrepro.dataset.matlab import read_matlab
+        from tendonrepro.dataset import nested
 
-        return read_matlab
-    if head.startswith(b"\x89HDF"):
-        return formats.read_hdf5
-    if suffix == ".tdms" or head.startswith(b"TDSm"):
-        return formats.read_tdms
+        return nested.read_matlab if is_matlab else nested.read_tdms if is_tdms else nested.read_hdf5
     if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
-        return formats.read_workbook
+        return read_workbook
     if suffix == ".json":
-        return formats.read_package
+        return read_package
     if suffix in _TEXTS | _BOOKS:
-        return formats.read_lvm if head.startswith(b"LabVIEW Measurement") else read_text_table
+        return read_lvm if head.startswith(b"LabVIEW Measurement") else read_text_table
     raise Unreadable(f"a format that is not read: {suffix or 'no suffix'}")

@@ -56,12 +56,14 @@ def runs_of(contents: Contents, mapping: MappingFile) -> tuple[dict[str, Trace],
     notes: list[str] = []
     doubts: list[str] = []
     for name, run in mapping.runs.items():
+        told: list[str] = []
         try:
-            traces[name], told, asked = _run(contents, name, run)
+            trace, recorded = _run(contents, name, run, told)
         except ConfigError as error:
             raise ConfigError(error.message, where=mapping.places[name], hint=error.hint) from None
+        traces[name] = trace
         notes += [f"{name}: {note}" for note in told]
-        doubts += [f"{name}: {doubt}" for doubt in asked]
+        doubts += [f"{name}: {doubt}" for doubt in _doubts(trace, recorded)]
     # A column that no table has may be a slip of the pen.
     columns = dict.fromkeys(column for run in mapping.runs.values() for column in run.columns or {})
     known = {name for table in contents.tables for name in table.named(columns)}
@@ -71,13 +73,10 @@ def runs_of(contents: Contents, mapping: MappingFile) -> tuple[dict[str, Trace],
     return traces, notes, doubts
 
 
-def _run(contents: Contents, name: str, run: RunMapping) -> tuple[Trace, list[str], list[str]]:
-    series, notes = _series_of(contents, run)
-    if run.reading_error_deg:
-        time, signals = read_off(series)
-    else:
-        time, signals, told = _on_one_clock(series)
-        notes += told
+def _run(contents: Contents, name: str, run: RunMapping, notes: list[str]) -> tuple[Trace, Array | None]:
+    """A run, and the error that its file holds, rad; notes are added to `notes`."""
+    series = _series_of(contents, run, notes)
+    time, signals = read_off(series) if run.reading_error_deg else _on_one_clock(series, notes)
     # A long log is in memory once, not twice.
     del series
     joints = tuple(sorted({use.joint for use in signals}))
@@ -99,41 +98,38 @@ def _run(contents: Contents, name: str, run: RunMapping) -> tuple[Trace, list[st
         notes.append(
             "q_calculated is S q_motor_encoder, S of the paper's arm; validate takes that of --config"
         )
-    attributes: dict[str, object] = {"law": "measured", "gains": {}, "readings": {}}
-    attributes |= {"payload_mass": run.payload_mass_kg, "reference_period": run.period_s or 0.0}
-    attributes |= {f"{READ_OFF}{key}": error for key in variables if (error := run.reading_error(key))}
-    attributes |= _status(time, variables, joints)
-    trace = Trace(name, time, joints, variables, attributes)
-    return (
-        trace,
-        notes,
-        [*_doubts(trace), *([] if recorded is None else _doubts_about_error(trace, recorded))],
-    )
+    attributes = {
+        "law": "measured",
+        "gains": {},
+        "readings": {},
+        "payload_mass": run.payload_mass_kg,
+        "reference_period": run.period_s or 0.0,
+        **{f"{READ_OFF}{key}": error for key in variables if (error := run.reading_error(key))},
+        **_status(time, variables, joints),
+    }
+    return Trace(name, time, joints, variables, attributes), recorded
 
 
-def _series_of(contents: Contents, run: RunMapping) -> tuple[Curves, list[str]]:
-    """Signals of a run, each of the first table that has it, and notes on what was left out."""
+def _series_of(contents: Contents, run: RunMapping, notes: list[str]) -> Curves:
+    """Signals of a run, each of the first table that has it."""
     series: Curves = {}
-    notes: list[str] = []
+    columns = run.columns or {}
     for source in run.sources:
         table = _table(contents, source)
-        columns = run.columns or {}
         taken = {use.signal for use in series}
-        uses = {column: columns[name] for name, column in table.named(columns).items()}
-        uses = {column: use for column, use in uses.items() if use.signal not in taken}
-        if all(use.variable == "time" for use in uses.values()):
-            continue
+        named = table.named(columns).items()
+        uses = {column: columns[name] for name, column in named if columns[name].signal not in taken}
         for (column, use), (other, same) in combinations(uses.items(), 2):
             if use.signal == same.signal and use.variable != "time":
                 message = f"{column!r} and {other!r} of {table.name} are both {use.variable} {use.joint}"
                 raise ConfigError(message, hint="delete the line of one of them")
-        of_table, told = _of_table(table, uses, run)
-        series |= of_table
+        told: list[str] = []
+        series |= _of_table(table, uses, run, told)
         place = f"{table.name}, " if len(run.sources) > 1 else ""
         notes += [place + note for note in dict.fromkeys(told)]
     if not series:
         raise ConfigError("none of its tables has a column that the mapping knows")
-    return series, notes
+    return series
 
 
 def _table(contents: Contents, name: str) -> Columns:
@@ -149,30 +145,88 @@ def _table(contents: Contents, name: str) -> Columns:
     raise ConfigError(message, hint=f"tables: {', '.join(table.name for table in contents.tables)}")
 
 
-def _of_table(table: Columns, uses: dict[str, Use], run: RunMapping) -> tuple[Curves, list[str]]:
-    """Signals of one table, and notes on what was left out."""
+def _of_table(table: Columns, uses: dict[str, Use], run: RunMapping, notes: list[str]) -> Curves:
+    """Signals of one table."""
     series: Curves = {}
-    notes: list[str] = []
-    rows = rows_of(table, run)
     for clock, together in by_clock(table, uses).items():
         for filled, columns in by_rows(table, together):
-            time, of_times = times_of(table, rows & filled, clock, uses, run)
-            notes += of_times
-            kept = rows & filled
-            kept[kept] = np.isfinite(time)
-            if absent := int(filled.sum() - kept.sum()):
-                why = "no time, or not those of where, part, from_s and to_s"
-                notes.append(f"{absent} of {int(filled.sum())} rows left out: {why}")
+            rows, time = _rows_and_times(table, filled, clock, uses, run, notes)
             for column in columns:
-                values = uses[column].in_si(table[column][kept])
-                curve = time[np.isfinite(time)], values
-                series[uses[column]] = in_order(*curve) if run.reading_error_deg else curve
+                values = uses[column].in_si(table[column][rows])
+                series[uses[column]] = in_order(time, values) if run.reading_error_deg else (time, values)
                 if absent := int((~np.isfinite(values)).sum()):
                     notes.append(f"{column}: {absent} of {len(values)} samples missing")
-    return series, notes
+    return series
 
 
-def _on_one_clock(series: Curves) -> tuple[Array, dict[Use, Array], list[str]]:
+def _rows_and_times(
+    table: Columns,
+    filled: NDArray[np.bool_],
+    clock: str | None,
+    uses: Mapping[str, Use],
+    run: RunMapping,
+    notes: list[str],
+) -> tuple[NDArray[np.int64], Array]:
+    """Those of the `filled` rows that a run takes, and their times, s.
+
+    A ConfigError says that there are no times, that they go back or repeat, or that fewer than two are left.
+    """
+    if clock is None and run.step_s is None:
+        hint = "give its column of times the line 'NAME: time s', or the run 'step_s: 0.001'"
+        raise ConfigError(f"{table.name} has no times", hint=hint)
+    chosen = filled.copy()
+    for column, wanted in run.where.items():
+        if column not in table:
+            raise ConfigError(f"{table.name} has no column {column!r}")
+        chosen &= table[column] == wanted
+    rows = np.flatnonzero(chosen)
+    left_out = {"not those of `where`": int(filled.sum()) - len(rows)}
+    time = np.arange(float(len(rows))) if clock is None else uses[clock].in_si(table[clock][rows])
+    known = np.isfinite(time)
+    left_out["without a time"] = int((~known).sum())
+    rows, time = rows[known], time[known]
+    if run.part is not None:
+        stretches = np.split(np.arange(len(time)), starts_again(time))
+        if run.part > len(stretches):
+            message = f"the time of {table.name} starts again {len(stretches) - 1} times: no part {run.part}"
+            raise ConfigError(message, hint=f"parts are counted from 1 to {len(stretches)}")
+        stretch = stretches[run.part - 1]
+        left_out[f"not of part {run.part}"] = len(time) - len(stretch)
+        rows, time = rows[stretch], time[stretch]
+    if run.step_s is not None:
+        time = run.step_s * np.arange(float(len(time)))
+        notes += [f"times are made from step_s, not from {clock!r}"] if clock is not None else []
+    inside = (time >= run.from_s) & (time <= run.to_s)
+    left_out["not from from_s to to_s"] = int((~inside).sum())
+    notes += [f"{count} of {filled.sum()} rows left out: {why}" for why, count in left_out.items() if count]
+    notes += _checked(time[inside], table.name, run)
+    return rows[inside], time[inside]
+
+
+def _checked(time: Array, table: str, run: RunMapping) -> list[str]:
+    """A note on gaps; a ConfigError where times go back, repeat, or are fewer than two."""
+    if len(time) < 2:
+        raise ConfigError(f"{table} has fewer than two samples that the run takes")
+    if run.reading_error_deg:
+        return []
+    steps = np.diff(time)
+    if back := len(starts_again(time)):
+        message = (
+            f"the time of {table} starts again {back} times, first after {time[np.argmax(steps < 0.0)]:.6g} s"
+        )
+        hint = "runs below each other? 'part: 1' takes the first, `where` those of a column"
+        raise ConfigError(message, hint=hint)
+    if repeats := int((steps == 0.0).sum()):
+        message = f"the time of {table} repeats {repeats} times, first at {time[np.argmin(steps)]:.6g} s"
+        hint = f"rounded times? 'step_s: {even_step(time):.6g}' makes them from the numbers of the samples"
+        raise ConfigError(message, hint=hint)
+    gaps = int((steps > _GAP * np.median(steps)).sum())
+    longest = np.argmax(steps)
+    told = f"{gaps} gaps in the times, the longest of {steps[longest]:.4g} s at {time[longest]:.6g} s"
+    return [told] if gaps else []
+
+
+def _on_one_clock(series: Curves, notes: list[str]) -> tuple[Array, dict[Use, Array]]:
     """All on the first signal's times, as far as others go."""
     times = [time for time, _ in series.values()]
     first = times[0]
@@ -181,11 +235,11 @@ def _on_one_clock(series: Curves) -> tuple[Array, dict[Use, Array], list[str]]:
         hint = "two clocks? 'time us - OFFSET' moves one of them"
         raise ConfigError("its tables have no time in common", hint=hint)
     if all(np.array_equal(axis, first) for axis in times):
-        return first, {use: values for use, (_, values) in series.items()}, []
-    notes = ["columns with other times were interpolated to those of the first"]
+        return first, {use: values for use, (_, values) in series.items()}
     if beyond := len(first) - len(time):
-        notes.insert(0, f"{beyond} samples lie where another column has no times, left out")
-    return time, {use: np.interp(time, *curve) for use, curve in series.items()}, notes
+        notes.append(f"{beyond} samples lie where another column has no times, left out")
+    notes.append("columns with other times were interpolated to those of the first")
+    return time, {use: np.interp(time, *curve) for use, curve in series.items()}
 
 
 def _complete(variables: dict[str, Array], *, is_read_off: bool) -> None:
@@ -219,8 +273,8 @@ def _status(time: Array, variables: dict[str, Array], joints: tuple[int, ...]) -
     return told if worst == "ok" else told | {"status_joints": [*ends]}
 
 
-def _doubts(trace: Trace) -> Iterator[str]:
-    """What makes a run implausible."""
+def _doubts(trace: Trace, recorded: Array | None) -> Iterator[str]:
+    """What makes a run implausible, with the error (T, n), rad, that its file holds, if any."""
     step = median_step(trace.time)
     if not LOOP_STEPS[0] <= step <= LOOP_STEPS[1]:
         yield f"it has a sample every {step:.4g} s: check the unit of the time"
@@ -238,6 +292,8 @@ def _doubts(trace: Trace) -> Iterator[str]:
     for rate, angle in (("dq", "q_encoder"), ("dq_d", "q_d")):
         if rate in trace and angle in trace:
             yield from _doubts_about_rate(trace, rate, angle)
+    if recorded is not None:
+        yield from _doubts_about_error(trace, recorded)
 
 
 def _doubts_about_rate(trace: Trace, rate: str, angle: str) -> Iterator[str]:
@@ -328,79 +384,6 @@ def even_step(time: Array) -> float:
         if abs(step - slope) * len(known) <= steps[steps > 0.0].min():
             return step
     return slope
-
-
-def rows_of(table: Columns, run: RunMapping) -> NDArray[np.bool_]:
-    """Rows that a run takes by `where`.
-
-    Raises
-    ------
-    ConfigError
-        If a column of `where` is not there.
-    """
-    rows = np.ones(len(next(iter(table.values()))), dtype=bool)
-    for column, wanted in run.where.items():
-        if column not in table:
-            raise ConfigError(f"{table.name} has no column {column!r}")
-        rows &= table[column] == wanted
-    return rows
-
-
-def times_of(
-    table: Columns, rows: NDArray[np.bool_], clock: str | None, uses: Mapping[str, Use], run: RunMapping
-) -> tuple[Array, list[str]]:
-    """Times of the rows that a run takes, s, NaN where it takes none, and notes.
-
-    Raises
-    ------
-    ConfigError
-        If there are no times, they go back or repeat, or fewer than two samples are left.
-    """
-    if clock is None and run.step_s is None:
-        hint = "give its column of times the line 'NAME: time s', or the run 'step_s: 0.001'"
-        raise ConfigError(f"{table.name} has no times", hint=hint)
-    notes: list[str] = []
-    time = np.arange(float(rows.sum())) if clock is None else uses[clock].in_si(table[clock][rows])
-    time[~np.isfinite(time)] = np.nan
-    if run.part is not None:
-        places = np.flatnonzero(np.isfinite(time))
-        edges = [0, *starts_again(time).tolist(), len(places)]
-        if run.part >= len(edges):
-            message = (
-                f"the time of {table.name} starts again {len(edges) - 2} times: there is no part {run.part}"
-            )
-            raise ConfigError(message, hint=f"parts are counted from 1 to {len(edges) - 1}")
-        time[places[: edges[run.part - 1]]] = time[places[edges[run.part] :]] = np.nan
-    if run.step_s is not None:
-        known = np.isfinite(time)
-        time = np.where(known, run.step_s * (np.cumsum(known) - 1.0), np.nan)
-        notes += [f"times are made from step_s, not from {clock!r}"] if clock is not None else []
-    time[(time < run.from_s) | (time > run.to_s)] = np.nan
-    return time, notes + _checked(time, table.name, run)
-
-
-def _checked(time: Array, table: str, run: RunMapping) -> list[str]:
-    """Notes on gaps; a ConfigError where times go back, repeat, or are fewer than two."""
-    kept = time[np.isfinite(time)]
-    if len(kept) < 2:
-        raise ConfigError(f"{table} has fewer than two samples that the run takes")
-    if run.reading_error_deg:
-        return []
-    steps = np.diff(kept)
-    if back := len(starts_again(kept)):
-        message = (
-            f"the time of {table} starts again {back} times, first after {kept[np.argmax(steps < 0.0)]:.6g} s"
-        )
-        hint = "runs below each other? 'part: 1' takes the first, `where` those of a column"
-        raise ConfigError(message, hint=hint)
-    if repeats := int((steps == 0.0).sum()):
-        message = f"the time of {table} repeats {repeats} times, first at {kept[np.argmin(steps)]:.6g} s"
-        hint = f"rounded times? 'step_s: {even_step(kept):.6g}' makes them from the numbers of the samples"
-        raise ConfigError(message, hint=hint)
-    gaps = int((steps > _GAP * np.median(steps)).sum())
-    longest = np.argmax(steps)
-    told = f"{gaps} gaps in the times, the longest of {steps[longest]:.4g} s at {kept[longest]:.6g} s"
-    return [told] if gaps else []
 
 
 def is_digitised(time: Array) -> bool:

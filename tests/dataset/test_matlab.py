@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from support import matlab_bytes as made
 
-from tendonrepro.dataset.matlab import read_matlab
+from tendonrepro.dataset.nested import read_matlab
 from tendonrepro.dataset.read import read_file
 from tendonrepro.dataset.tables import Unreadable
 
@@ -198,7 +198,7 @@ def test_tables(tmp_path, version):
 
 
 def test_without_the_package_arrays_are_read(tmp_path, monkeypatch):
-    monkeypatch.setattr("tendonrepro.dataset.matlab.matio", None)
+    monkeypatch.setattr("tendonrepro.dataset.nested.matio", None)
     found = written(tmp_path, "objects 7", q=WAVES, ts=made.timeseries(WAVES, TIMES))
     assert list(found[""]) == ["q[1]", "q[2]"]
 

@@ -5,7 +5,7 @@ import openpyxl
 import pytest
 from numpy.testing import assert_array_equal
 
-from tendonrepro.dataset.formats import read_workbook
+from tendonrepro.dataset.read import read_workbook
 from tendonrepro.dataset.tables import FEWEST, Unreadable
 from tendonrepro.dataset.text import read_text_table
 

@@ -1,13 +1,17 @@
-"""MATLAB files of every version as nested plain values; logs of Simulink, scopes and dSPACE among them."""
+"""Files of nested values as tables: MATLAB, with logs of Simulink, scopes and dSPACE; HDF5; TDMS.
+
+What lies together in the tree with as many rows, or one clock, is a table.
+"""
 
 from __future__ import annotations
 
 import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
-from typing import TypeGuard
+from typing import Any, TypeAlias, TypeGuard
 
 import h5py
 import numpy as np
@@ -15,8 +19,7 @@ import pandas as pd
 import scipy.io
 from numpy.typing import NDArray
 
-from tendonrepro.dataset.formats import Nested, Series, tables_of
-from tendonrepro.dataset.tables import Column, Columns, Tables, Unreadable, free_name
+from tendonrepro.dataset.tables import FEWEST, Column, Columns, Tables, Unreadable, free_name
 from tendonrepro.dataset.words import FACTORS, plain_unit
 
 with warnings.catch_warnings():
@@ -31,6 +34,142 @@ _DAMAGED = 0xDD000000
 """First number of what stands for an object whose properties cannot be read."""
 _NAMES = re.compile(r"names?$|headers?$|labels?$|variables?$|columns?$", re.IGNORECASE)
 _UNIT_AT_END = re.compile(r"^(.*?)\s*([(\[][^()\[\]]*[)\]])\s*$")
+_MOST_COLUMNS = 40
+"""Of an array whose columns are signals."""
+_MOST_NAMED = 12
+"""Arrays that a line on what was left out names."""
+Nested: TypeAlias = dict[str, Any]
+"""Arrays, `Series`, `Columns` and further trees by name."""
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Samples of one signal: `time` (T,), s, and `values`, T of them along the first axis.
+
+    Where it has no `name` of its own, it has that of its place in the tree.
+    """
+
+    time: Column
+    values: Column
+    name: str = ""
+    unit: str = ""
+
+
+def tables_of(tree: Nested, left_out: Sequence[str] = ()) -> Tables:
+    """Tables of a tree, by their paths in it; lines `left_out` come before its own."""
+    tables = Tables(left_out=left_out)
+    apart: dict[str, list[str]] = {}
+    _collect(tree, "", tables, apart)
+    for why, names in apart.items():
+        more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+        tables.left_out.append(f"{', '.join(names[:_MOST_NAMED])}{more}: {why}")
+    return tables
+
+
+def _collect(tree: Nested, path: str, tables: Tables, apart: dict[str, list[str]]) -> None:
+    """Put what lies together into tables, and the rest into `apart`: why -> names."""
+    groups: dict[tuple[int, bytes], Columns] = {}
+    inner: list[tuple[str, Nested]] = []
+    for name, value in tree.items():
+        where = f"{path}.{name}" if path else name
+        if isinstance(value, Series):
+            same = len(value.time), value.time.tobytes()
+            group = groups.setdefault(same, Columns({"time (s)": value.time}))
+            for signal, column in _signals(value.name or name, value.values, 0):
+                group.add(signal, column, value.unit)
+        elif isinstance(value, Columns):
+            tables[where] = value
+        elif isinstance(value, dict):
+            inner.append((where, value))
+        elif not isinstance(value, np.ndarray) or value.size < 2 or value.dtype.kind not in "biufc":
+            is_words = np.asarray(value).dtype.kind in "US"
+            if value is not None and np.size(value) and not is_words:
+                apart.setdefault("single values, no signals", []).append(where)
+        elif reason := _no_signals(value):
+            shape = "×".join(map(str, value.shape))
+            apart.setdefault(reason, []).append(f"{where} ({shape})")
+        else:
+            group = groups.setdefault((max(value.shape), b""), Columns())
+            for signal, column in _signals(name, value, int(np.argmax(value.shape))):
+                group.add(signal, column)
+    for number, ((rows, clock), columns) in enumerate(groups.items(), start=1):
+        which = f"[clock {number}]" if clock else f"[{rows} rows]"
+        tables[path if len(groups) == 1 else f"{path}{which}"] = columns
+    for where, value in inner:
+        _collect(value, where, tables, apart)
+
+
+def _no_signals(values: Column) -> str:
+    """Why an array holds no signals, or an empty text."""
+    samples = max(values.shape)
+    if values.dtype.kind == "c":
+        return "complex numbers"
+    if samples < FEWEST:
+        return f"fewer than {FEWEST} samples"
+    return f"more than {_MOST_COLUMNS} columns" if values.size > _MOST_COLUMNS * samples else ""
+
+
+def _signals(name: str, values: Column, axis: int) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    """Columns of an array with samples along an axis, named by their places in it, counted from 1."""
+    moved = np.moveaxis(values, axis, 0).astype(float)
+    sizes = moved.shape[1:]
+    columns = moved.reshape(len(moved), -1).T
+    for place, column in zip(product(*map(range, sizes)), columns, strict=True):
+        told = ",".join(str(k + 1) for k, size in zip(place, sizes, strict=True) if size > 1)
+        yield f"{name}[{told}]" if told else name, column
+
+
+def read_hdf5(path: Path) -> Tables:
+    """Read the datasets of an HDF5 file, with their ``units``."""
+    tree: Nested = {}
+
+    def visit(name: str, node: object) -> None:
+        if not isinstance(node, h5py.Dataset):
+            return
+        group, _, last = name.rpartition("/")
+        unit = node.attrs.get("units", "")
+        unit = unit.decode() if isinstance(unit, bytes) else str(unit)
+        place = tree.setdefault(group.replace("/", "."), {})
+        if node.dtype.names:
+            place[last] = {str(field): node[field] for field in node.dtype.names}
+        else:
+            place[f"{last} ({unit})" if unit else last] = node[()]
+
+    with h5py.File(path, locking=False) as file:
+        file.visititems(visit)
+    return tables_of(tree)
+
+
+def read_tdms(path: Path) -> Tables:
+    """Read the groups of a TDMS file; a waveform's start and increment are its times.
+
+    Raises
+    ------
+    Unreadable
+        If the package npTDMS is not installed.
+    """
+    try:
+        from nptdms import TdmsFile
+    except ImportError:
+        raise Unreadable(
+            "TDMS is read by the package npTDMS: pip install 'tendonrepro[tdms]', or export it as text"
+        ) from None
+    tree: Nested = {}
+    left_out = []
+    for group in TdmsFile.read(path).groups():
+        signals = tree.setdefault(group.name, {})
+        for channel in group.channels():
+            values, properties = np.asarray(channel[:]), channel.properties
+            unit = str(properties.get("unit_string") or properties.get("NI_UnitDescription") or "")
+            if values.dtype.kind not in "biuf" or not values.size:
+                left_out.append(f"channel {group.name}/{channel.name}: no numbers")
+            elif properties.get("wf_increment"):
+                times = np.asarray(channel.time_track(), float)
+                signals[channel.name] = Series(times, values, channel.name, unit)
+            else:
+                # Channels without times lie together by their numbers of samples.
+                signals[f"{channel.name} ({unit})" if unit else channel.name] = values
+    return tables_of(tree, left_out)
 
 
 def read_matlab(path: Path) -> Tables:
@@ -52,9 +191,7 @@ def read_matlab(path: Path) -> Tables:
         variables, reasons = _by_scipy(path) if matio is None else _by_matio(path)
     if not variables:
         raise Unreadable(f"no variable of this MATLAB file can be read: {'; '.join(reasons)[:200]}")
-    tables = tables_of(variables)
-    tables.left_out[:0] = reasons
-    return tables
+    return tables_of(variables, reasons)
 
 
 def _by_scipy(path: Path) -> tuple[Nested, list[str]]:
@@ -64,34 +201,32 @@ def _by_scipy(path: Path) -> tuple[Nested, list[str]]:
 
 def _by_matio(path: Path) -> tuple[Nested, list[str]]:
     """Variables, and lines that say which cannot be read, and why."""
-    variables, reasons = {}, []
-    for name in _names(path):
+    variables: Nested = {}
+    streams: Nested = {}
+    reasons: list[str] = []
+    if h5py.is_hdf5(path):
+        with h5py.File(path, locking=False) as file:
+            names = [name for name in file if not name.startswith("#")]
+            streams = _streams(file.get("#sigstream#", {}))
+    else:
+        names = list(matio.whosmat(str(path)))
+    for name in names:
         try:
             # One by one, since a broken one fails the load of all.
             read = matio.load_from_mat(str(path), variable_names=[name], add_table_attrs=True)
             variables[name] = _plain(read[name])
         except Exception as error:
             reasons.append(f"{name}: cannot be read, {type(error).__name__} {error}"[:160])
-    return variables | _streams(path), reasons
+    return variables | streams, reasons
 
 
-def _names(path: Path) -> list[str]:
-    if h5py.is_hdf5(path):
-        with h5py.File(path, locking=False) as file:
-            return [name for name in file if not name.startswith("#")]
-    return list(matio.whosmat(str(path)))
-
-
-def _streams(path: Path) -> Nested:
+def _streams(group: Mapping[str, h5py.Group]) -> Nested:
     """Samples that Simulink streamed to the file, beside objects that do not name them."""
-    if not h5py.is_hdf5(path):
-        return {}
-    with h5py.File(path, locking=False) as file:
-        group = file.get("#sigstream#", {})
-        numbered = sorted((name for name in group if name.isdigit()), key=int)
-        doubles = [name for name in numbered if int(group[name]["#sampleSize#"][0]) == np.float64().itemsize]
-        streams = {f"stream {name}": group[name]["#data#"][()].tobytes() for name in doubles}
-    return {name: np.frombuffer(content, np.float64) for name, content in streams.items()}
+    numbered = sorted((name for name in group if name.isdigit()), key=int)
+    doubles = [name for name in numbered if int(group[name]["#sampleSize#"][0]) == np.float64().itemsize]
+    return {
+        f"stream {name}": np.frombuffer(group[name]["#data#"][()].tobytes(), np.float64) for name in doubles
+    }
 
 
 def _plain(value: object) -> object:
@@ -218,16 +353,16 @@ def _dataset(members: Nested) -> Nested | Series | None:
     # An only element stands alone, not in a numbered list.
     named: Nested = {}
     for number, item in elements.items() if all(map(str.isdigit, elements)) else [("1", elements)]:
-        for label, signal in _signals(item):
+        for label, signal in _named_signals(item):
             named[free_name(named, label or f"signal {number}")] = signal
     return named
 
 
-def _signals(item: object, label: str = "") -> Iterator[tuple[str, object]]:
+def _named_signals(item: object, label: str = "") -> Iterator[tuple[str, object]]:
     """Signals of an element or bus, with names from the element down; a bare series has its own."""
     if isinstance(item, dict) and not isinstance(item, Columns):
         for name, member in item.items():
-            yield from _signals(member, f"{label} {name}".strip())
+            yield from _named_signals(member, f"{label} {name}".strip())
     elif isinstance(item, Series):
         yield label or item.name, replace(item, name=label or item.name)
     elif item is not None:
