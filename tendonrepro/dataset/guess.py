@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
@@ -35,7 +36,7 @@ _READING_ERROR = 0.005
 
 @dataclass(eq=False)
 class Guess:
-    """A column: what its name says, what it is taken for, and what to check.
+    """A column: what its name says, what it is taken for, and what is to be checked.
 
     `says` are the groups of its name and of the names around it. `runs` are those that it belongs to, with
     the payload of each. `numbered` and `sized` tell how its joint and `unit` were found, if not by its name.
@@ -52,7 +53,7 @@ class Guess:
     unit: str = ""
     numbered: str = ""
     sized: str = ""
-    check: str = ""
+    checks: list[str] = field(default_factory=list)
     asked: str = ""
 
     @property
@@ -133,10 +134,15 @@ def _guesses_of(table: Columns, deciding: set[tuple[str, ...]]) -> list[Guess]:
     _find_units(columns, table.angle_unit)
     _doubt_arrays(columns)
     for column in columns:
-        column.runs = column.runs if column.said.controller or not shared else shared
-        column.asked = column.asked or ("" if column.check else _problem(column))
+        if shared and not column.said.controller:
+            column.runs = shared
+        if not column.checks:
+            column.asked = column.asked or _problem(column)
         if not column.asked:
-            column.check = "; ".join(filter(None, [column.check, *_checks(column)]))
+            column.checks += _checks(column)
+    for pair in pairwise(columns):
+        if all(column.variable == "time" and not column.asked for column in pair):
+            pair[1].checks.append("other times stand to its left, and count; else delete their line")
     return columns
 
 
@@ -213,7 +219,7 @@ def _take_times(columns: Sequence[Guess]) -> None:
         steps = np.diff(first.values)
         if len(steps) > 1 and (steps > 0.0).all() and np.ptp(steps) < 0.01 * steps.mean():
             first.variable = "time"
-            first.check = "the first column, whose numbers increase evenly, taken as times"
+            first.checks = ["the first column, whose numbers increase evenly, taken as times"]
 
 
 def _take_rates(columns: Sequence[Guess]) -> None:
@@ -232,7 +238,7 @@ def _take_rates(columns: Sequence[Guess]) -> None:
         if beside or "measured" in angle.says:
             why = f"stands beside {_quoted(beside[0])}" if beside else "is of what was measured"
             column.variable = "dq_d" if words.variable_of(angle.says) == "q_d" else "dq"
-            column.check = f"{why}, taken as a velocity; else q_d {column.joint} deg"
+            column.checks = [f"{why}, taken as a velocity; else q_d {column.joint} deg"]
 
 
 def _doubt_arrays(columns: Sequence[Guess]) -> None:
@@ -350,13 +356,13 @@ class RunGuess:
     """A run that is suggested.
 
     `columns` are its guesses, or columns that a person has to fill in, since there are no others; `extras`,
-    further keys and their text; `check`, what to look at beside its name.
+    further keys and their text; `checks`, what to look at beside its name.
     """
 
     name: str
     columns: list[Guess] = field(default_factory=list)
     extras: dict[str, str] = field(default_factory=dict)
-    check: str = ""
+    checks: list[str] = field(default_factory=list)
 
     @property
     def known(self) -> list[Guess]:
@@ -412,8 +418,7 @@ def _left_out(run: RunGuess, guess: Guess) -> str:
         variable = twin.use.variable
         other = replace(twin.use, variable={"q_encoder": "q_d", "q_d": "q_encoder"}.get(variable, variable))
         check = f"{_quoted(guess.column)} says the same; one of the two may be {other}"
-        doubted = replace(twin, check="; ".join(filter(None, [twin.check, check])))
-        run.columns[run.columns.index(twin)] = doubted
+        run.columns[run.columns.index(twin)] = replace(twin, checks=[*twin.checks, check])
     return f"taken from {twin.column}"
 
 
@@ -431,14 +436,14 @@ def _with_desired(runs: Mapping[str, RunGuess]) -> list[RunGuess]:
         return [*runs.values()]
     for run in lacking:
         run.columns += columns
-        run.check = f"desired angles from {', '.join(other.name for other in apart)}"
+        run.checks = [f"desired angles from {', '.join(other.name for other in apart)}"]
     return lacking + [run for run in runs.values() if run not in lacking + apart]
 
 
 def _parts(run: RunGuess) -> Iterator[RunGuess]:
     """Runs below each other in one table, where its time starts again; else the run, and what it needs."""
     errors: dict[str, float] = {}
-    for table in list({id(guess.table): guess.table for guess in run.known}.values()):
+    for table in run.tables:
         uses = {guess.column: guess.use for guess in run.known if guess.table is table}
         by_time = by_clock(table, uses)
         for clock, columns in by_time.items():
@@ -461,9 +466,9 @@ def _parts(run: RunGuess) -> Iterator[RunGuess]:
                 run.extras["step_s"] = f"{step:.6g}  {CHECK} {said}"
             elif len(run.tables) == len(by_time) == 1 and (again := len(starts_again(time))):
                 for part in range(1, again + 2):
-                    check = f"the time starts again: stretch {part} of {again + 1}"
+                    checks = [f"the time starts again: stretch {part} of {again + 1}"]
                     extras = run.extras | {"part": str(part)}
-                    yield replace(run, name=f"{run.name}_{part}", extras=extras, check=check)
+                    yield replace(run, name=f"{run.name}_{part}", extras=extras, checks=checks)
                 return
     if errors:
         told = ", ".join(f"{name}: {error:.2g}" for name, error in errors.items())
@@ -491,8 +496,8 @@ def _written(runs: Sequence[RunGuess], left: Sequence[str], title: str) -> Itera
     for run in runs:
         names = [_quoted(table.name) for table in run.tables]
         sources = names[0] if len(names) == 1 else f"[{', '.join(names)}]"
-        check = _check_of_run(run)
-        mark = f"  {CHECK} {check}" if check else ""
+        checks = [*run.checks, *_checks_of_name(run)]
+        mark = f"  {CHECK} {'; '.join(checks)}" if checks else ""
         inner = [f"    {key}: {text}" for key, text in run.extras.items()]
         if run not in sharing:
             inner += ["    columns:", *_column_lines(_lines_of(run), "      ")]
@@ -522,19 +527,17 @@ def _taken(lines: Lines, run: RunGuess) -> dict[str, str]:
     return {name: str(guess.use) for name, guess in lines.items() if name in names}
 
 
-def _check_of_run(run: RunGuess) -> str:
-    checks = [run.check] if run.check else []
+def _checks_of_name(run: RunGuess) -> Iterator[str]:
     if not re.fullmatch(r"controller_[123](_payload)?|decouple", run.name):
-        checks.append("no controller named; if it is one, write controller_1, _2 or _3 before the colon")
-    else:
-        telling = [words.meaning_of(part, around=True) for part in _around_of(run.tables[0].name)]
-        unknown = [word for meaning in telling if meaning.controller for word in meaning.unknown]
-        checks += [f"not known: {', '.join(unknown)}; taken as {run.name}, else rename it"] if unknown else []
-    return "; ".join(checks)
+        yield "no controller named; if it is one, write controller_1, _2 or _3 before the colon"
+        return
+    telling = [words.meaning_of(part, around=True) for part in _around_of(run.tables[0].name)]
+    if unknown := [word for meaning in telling if meaning.controller for word in meaning.unknown]:
+        yield f"not known: {', '.join(unknown)}; taken as {run.name}, else rename it"
 
 
 def _column_lines(columns: Lines, indent: str) -> Iterator[str]:
     for name, guess in columns.items():
-        check = f"  {CHECK} {guess.check}" if guess.check else ""
+        check = f"  {CHECK} {'; '.join(guess.checks)}" if guess.checks else ""
         mark = f"  # FILL IN, or delete: {guess.asked}" if guess.asked else check
         yield f"{indent}{_quoted(name)}: {guess.use}{mark}"

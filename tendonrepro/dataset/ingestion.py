@@ -151,7 +151,7 @@ def run_ingest(
         if confirm:
             write_atomically(mapping, text)
     starts = _starts(file)
-    described = {name: _described(trace, starts.get(name)) for name, trace in runs.items()}
+    described = {name: _described(trace, starts.get(name, 0.0)) for name, trace in runs.items()}
     head = {"schema_version": 1, "out": str(out), "dry_run": dry_run, "title": file.title}
     return {**head, "runs": described, **made}
 
@@ -183,7 +183,7 @@ def _experiment(runs: Mapping[str, records.Trace]) -> Literal["compare", "decoup
     return "both" if len(of_decoupling) > 1 else "decouple" if True in of_decoupling else "compare"
 
 
-def _described(trace: records.Trace, start: float | None) -> dict[str, object]:
+def _described(trace: records.Trace, start: float) -> dict[str, object]:
     described: dict[str, object] = {
         "joints": list(trace.joint),
         "samples": len(trace.time),
@@ -195,15 +195,10 @@ def _described(trace: records.Trace, start: float | None) -> dict[str, object]:
         "variables": list(trace.variables),
     }
     if "e" in trace:
-        moving = (
-            slice(0, None)
-            if start is None
-            else windows.spans(trace.time, windows.Timing(start, 0.0))["whole"]
-        )
+        moving = windows.spans(trace.time, windows.Timing(start, 0.0))["whole"]
         described["errors_from_s"] = float(trace.time[moving][0])
-        described |= {
-            f"{key}_deg": value.tolist() for key, value in summary.sizes_deg(trace["e"][moving]).items()
-        }
+        sizes = summary.sizes_deg(trace["e"][moving])
+        described |= {f"{key}_deg": value.tolist() for key, value in sizes.items()}
     return described
 
 

@@ -110,21 +110,21 @@ def add_column(columns: Columns, name: str, column: pd.Series, first_row: int = 
 
     Of an empty column nothing is kept. ``first_row`` is the number of the first row, for notes.
     """
-    numbers = column
+    numbers: pd.Series | None = column
     if column.dtype.kind not in "biuf":
         known = column[column.notna()]
         cells = known.map(lambda cell: str(cell).strip())
         cells = cells[cells != ""]
         if cells.empty:
             return
-        times = _seconds(known[cells.index], cells)
-        told = _numbers(columns, name, column, cells, first_row) if times is None else times
-        if told is None:
-            words = column.map(lambda cell: "" if pd.isna(cell) else str(cell).strip())
-            columns.add(name, words.to_numpy(object).astype(str))
-            return
-        numbers = told
-        name = name if times is None or "(" in name else f"{name} (s)"
+        numbers = _seconds(known[cells.index], cells)
+        if numbers is not None:
+            name = name if "(" in name else f"{name} (s)"
+        else:
+            numbers = _numbers(columns, name, column, cells, first_row)
+    if numbers is None:
+        columns.add(name, cells.reindex(column.index, fill_value="").to_numpy(object).astype(str))
+        return
     values = numbers.reindex(column.index).to_numpy(np.float64)
     count = int(np.isfinite(values).sum())
     if count >= FEWEST:
@@ -141,17 +141,20 @@ def _numbers(
     numbers = pd.to_numeric(text, errors="coerce").astype(float)
     is_gap = text.str.casefold().isin(_GAPS)
     marked = text[numbers.isna() & ~is_gap & text.str.contains(r"\d", regex=True)]
-    mark = _decimal_mark(marked, text[numbers.notna()])
-    if mark is None:
+    by_point, by_comma = _by_mark(marked, _POINT, ","), _by_mark(marked, _COMMA, ".")
+    has_points = text[numbers.notna()].str.contains(".", regex=False).any()
+    # What makes most cells numbers counts, else the mark of those that are plain numbers.
+    is_point = len(by_point) > len(by_comma) or (len(by_point) == len(by_comma) and has_points)
+    if len(by_point) == len(by_comma) > 0 and not has_points:
         said = "unclear whether a comma is decimal or between thousands: write them without commas"
         columns.notes.append(f"column {name!r}: {len(marked)} cells, as {marked.iloc[0]!r}, {said}")
-    elif not marked.empty:
-        numbers = numbers.fillna(_by_mark(marked, mark).reindex(numbers.index))
+    else:
+        numbers = numbers.fillna((by_point if is_point else by_comma).reindex(numbers.index))
     failing = numbers.isna() & ~is_gap
     if failing.mean() >= _MOST_FAILING:
         return None
     thousands = marked[marked.str.contains(",", regex=False) & ~failing[marked.index]]
-    if mark == "." and len(thousands):
+    if is_point and len(thousands):
         said = f"{len(thousands)} numbers have a comma between thousands, as {thousands.iloc[0]!r}"
         columns.notes.append(f"column {name!r}: {said}")
     if failing.any():
@@ -161,20 +164,8 @@ def _numbers(
     return numbers
 
 
-def _decimal_mark(marked: pd.Series, plain: pd.Series) -> str | None:
-    """Point or comma: what makes most cells numbers, else that of the `plain` ones; None if unclear."""
-    by_point, by_comma = (
-        sum(pattern.fullmatch(cell) is not None for cell in marked) for pattern in (_POINT, _COMMA)
-    )
-    if by_point != by_comma:
-        return "." if by_point > by_comma else ","
-    has_points = bool(plain.str.contains(".", regex=False).any())
-    return "." if has_points or not by_point else None
-
-
-def _by_mark(marked: pd.Series, mark: str) -> pd.Series:
-    """Numbers of cells with a decimal mark."""
-    pattern, between = (_POINT, ",") if mark == "." else (_COMMA, ".")
+def _by_mark(marked: pd.Series, pattern: re.Pattern[str], between: str) -> pd.Series:
+    """Numbers of the cells that a pattern of numbers fits, which may have a mark between thousands."""
     cells = marked[[pattern.fullmatch(cell) is not None for cell in marked]]
     bare = cells.str.replace(between, "", regex=False).str.replace(",", ".", regex=False)
     return pd.to_numeric(bare.str.replace(r"[dD]", "e", regex=True), errors="coerce").astype(float)

@@ -387,6 +387,35 @@ def test_a_time_that_starts_again_begins_a_run(tmp_path):
     assert all(mae(found, run) == MAE for run in found["runs"])
 
 
+def test_of_times_side_by_side_the_first_count_and_the_others_are_asked(tmp_path):
+    rows = np.column_stack([T, 2.0e3 * T, NUMBERS[:, 1:]])
+    found, _, mapping = ingested(tmp_path, ".csv", HEADS.replace("q2_d", "clock (ms),q2_d", 1) + lines(rows))
+    assert mae(found) == MAE
+    asked = [line for line in mapping.splitlines() if "CHECK" in line]
+    assert [line.split('"')[1] for line in asked] == ["clock (ms)"]
+
+
+@pytest.mark.parametrize(
+    ("keys", "named", "samples"),
+    [
+        ("part: 2", "part", 400),
+        ("where: {q2_d (deg): 15}, from_s: -1", "where", 2),
+        ("step_s: 0.01, from_s: 1, to_s: 1.985", "from_s", 99),
+    ],
+)
+def test_rows_left_out_are_counted_by_what_left_them_out(tmp_path, keys, named, samples):
+    rows = np.concatenate([NUMBERS] * (2 if named == "part" else 1))
+    columns = "{time (s): time s, q2 (deg): q_encoder 2 deg}"
+    (tmp_path / "a.csv").write_text(HEADS + lines(rows))
+    mapping = tmp_path / "m.yaml"
+    mapping.write_text(f"columns: {columns}\nruns: {{x: {{sources: a.csv, {keys}}}}}\n")
+    found = run_ingest([tmp_path / "a.csv"], mapping, tmp_path / "o.h5", force=True, dry_run=True, talk=QUIET)
+    assert found["runs"]["x"]["samples"] == samples
+    (told,) = [note for note in found["notes"] if "left out" in note]
+    assert f"{len(rows) - samples} of {len(rows)} rows" in told
+    assert named in told
+
+
 def test_rounded_times_that_repeat(tmp_path):
     rows = NUMBERS.copy()
     rows[:, 0] = np.round(rows[:, 0], 1)
