@@ -12,14 +12,14 @@ from pydantic import Field, ValidationError
 
 from tendonrepro.configuration import load, strict_yaml
 from tendonrepro.configuration.load import ConfigLike, Draft, LoadedConfig, load_config
-from tendonrepro.configuration.models.box import FAST_PERIOD, WORDS, BoxConfig, Confidence
+from tendonrepro.configuration.models.box import FAST_PERIOD, PER_JOINT, SHARED, WORDS, BoxConfig, Confidence
 from tendonrepro.configuration.models.control import PRINTED_LAWS, RUNS
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.readings import VARIATIONS, Reading, named_readings, under
 from tendonrepro.configuration.overrides import Override, Overrides, overrides_of
 from tendonrepro.configuration.published import COMPARED
 from tendonrepro.configuration.quantity import Ends, Scalar, positive, whole
-from tendonrepro.configuration.rows import PER_JOINT, SHARED, held_values
+from tendonrepro.configuration.rows import held_values
 from tendonrepro.configuration.strict_model import Identifier, Mistakes, Model, SchemaVersion, explain
 from tendonrepro.configuration.strict_yaml import Key, Node, Tree
 from tendonrepro.errors import ConfigError, UsageError, did_you_mean

@@ -1,20 +1,17 @@
-"""What a drawn number means in a comparison: how it is put there, and how it is read off.
-
-The numbers of one draw are the rows of the box, SI; a word counts as its place in `WORDS`.
-"""
+"""A draw in a comparison: how its numbers are put there, and how they are read off."""
 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from functools import reduce
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any
 
 import numpy as np
 
-from tendonrepro.arrays import Array, Numeric
+from tendonrepro.arrays import Array
 from tendonrepro.configuration.models import readings
-from tendonrepro.configuration.models.box import FAST_PERIOD, WORDS
+from tendonrepro.configuration.models.box import FAST_PERIOD, PER_JOINT, SHARED, WORDS, Draw, Joint, word_of
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.models.reference import ReferenceConfig
@@ -22,9 +19,6 @@ from tendonrepro.configuration.published import COMPARED
 from tendonrepro.configuration.quantity import UNITS, to_si
 from tendonrepro.configuration.strict_yaml import Node, Section, Tree, section
 from tendonrepro.physics.trajectory import trapezoid_times
-
-Draw: TypeAlias = Mapping[str, float]
-"""Numbers by row, SI."""
 
 GRID = 0.01
 """Times of a motion are multiples of this, s, so that every sampling period divides them."""
@@ -35,91 +29,6 @@ UNEQUAL = 2.0 / 3.0
 _NOISE_BAND, _NOISE_SINES = (0.5, 20.0), 8
 """Band of the disturbance ``noise``, Hz, and the number of sines that make it."""
 
-
-class Joint(NamedTuple):
-    """What numbers of a joint are shares of, or go together with.
-
-    Length, m, and mass, kg, of its link; radius where its tendon passes the joint, m; factor on the damping
-    of tendons; reduction, and inertia of the reducer before it, kg m².
-    """
-
-    length: Numeric
-    mass: Numeric
-    radius: float = 1.0
-    damping: float = 1.0
-    reduction: float = 1.0
-    reducer: float = 0.0
-
-
-class Row(NamedTuple):
-    """Where a number of the box stands in a manipulator.
-
-    `put` gives the value of the `key` from the number, `get` the number from the value. `about` ends the
-    words that say where the value is from. One with a `switch`, a row of words, acts where that says `word`
-    or ``both``; else the value is `off`.
-    """
-
-    key: str
-    put: Callable[[Any, Joint], Any] = lambda number, _: number
-    get: Callable[[Any, Joint], Any] = lambda value, _: value
-    about: str = ""
-    switch: str = ""
-    word: str = "on"
-    off: float = 0.0
-
-    def acts(self, draw: Draw) -> bool:
-        """Whether a draw has what the number is of."""
-        return not self.switch or _word(draw, self.switch) in (self.word, "both")
-
-
-_OVER = " over the radius squared"
-PER_JOINT: Mapping[str, Row] = {
-    "link_length": Row("links.length"),
-    "link_mass": Row("links.mass"),
-    "link_com": Row("links.com", lambda x, of: x * of.length, lambda v, of: v / of.length, " of the length"),
-    "link_inertia": Row(
-        "links.inertia",
-        lambda x, of: x * of.mass * of.length**2,
-        lambda v, of: v / (of.mass * of.length**2),
-        " of m l^2",
-    ),
-    "tendon_stiffness": Row(
-        "tendons.axial_stiffness", lambda x, of: x / of.radius**2, lambda v, of: v * of.radius**2, _OVER
-    ),
-    "tendon_damping": Row(
-        "tendons.axial_damping",
-        lambda x, of: x / of.radius**2,
-        lambda v, of: of.damping * v * of.radius**2,
-        _OVER,
-    ),
-}
-"""Rows that each joint has of its own, without its number; the box has them for joints 2 and 3."""
-
-SHARED: Mapping[str, Row] = {
-    "rotor_inertia": Row(
-        "winches.reflected_inertia",
-        lambda x, of: of.reduction**2 * (x + of.reducer),
-        lambda v, of: v / of.reduction**2,
-        " and reducer_inertia",
-    ),
-    "drum_inertia": Row("winches.drum_inertia"),
-    "winch_viscous": Row("winches.viscous"),
-    "link_coulomb": Row("friction.link.coulomb", switch="friction_sides", word="link"),
-    "link_viscous": Row("friction.link.viscous", switch="friction_sides", word="link"),
-    "link_static_ratio": Row("friction.link.static_ratio"),
-    "link_stribeck_velocity": Row("friction.link.stribeck_velocity"),
-    "winch_coulomb": Row("friction.winch.coulomb", switch="friction_sides", word="winch"),
-    "winch_static_ratio": Row("friction.winch.static_ratio"),
-    "winch_stribeck_velocity": Row("friction.winch.stribeck_velocity"),
-    "pulley_loss": Row("friction.per_pulley", switch="pulley_loss_acts"),
-    "reducer_efficiency": Row("friction.reducer_efficiency", switch="reducer_loss_acts", off=1.0),
-    "tensioner_force": Row("tensioner.force"),
-    "transmission_error": Row("transmission_error.peak_to_peak", switch="transmission_error_acts"),
-    "torque_limit": Row("actuator.torque_limit"),
-    "torque_resolution": Row("actuator.torque_resolution", switch="torque_resolution_acts"),
-    "torque_noise": Row("actuator.torque_noise", switch="torque_noise_acts"),
-}
-"""Rows that all joints share."""
 
 _MOTIONS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "minimum_jerk": ("minimum_jerk", ("rise", "hold")),
@@ -187,17 +96,13 @@ def _drawn(value: object, unit: str, row: str) -> Section:
     return {"value": value, "unit": unit, "source": readings.of_row(row)}
 
 
-def _word(draw: Draw, row: str) -> str:
-    return WORDS[row][int(draw[row])]
-
-
 def idle_rows(draw: Draw) -> set[str]:
     """Rows of the box that do nothing in a draw, because what they are of is off."""
     idle = {name for name, row in SHARED.items() if not row.acts(draw)}
-    kind = _word(draw, "disturbance")
+    kind = word_of(draw, "disturbance")
     idle |= {"disturbance_torque"} if kind == "none" else set()
     idle |= {"disturbance_frequency"} if kind != "sine" else set()
-    return idle | ({"clearance"} if _word(draw, "clearance_at") == "none" else set())
+    return idle | ({"clearance"} if word_of(draw, "clearance_at") == "none" else set())
 
 
 def _put_arm(arm: Section, draw: Draw) -> None:
@@ -229,7 +134,7 @@ def _put_arm(arm: Section, draw: Draw) -> None:
     for side in ("link", "winch"):
         stribeck = f"{side}_stribeck_velocity"
         put(f"friction.{side}.smoothing_velocity", draw[stribeck] / 2.0, f"half of {stribeck}")
-    at = _word(draw, "clearance_at")
+    at = word_of(draw, "clearance_at")
     two, three = (draw["clearance"] * (at in joint) for joint in (("both",), ("both", "distal")))
     put("tendons.clearance", [two, two, three], "clearance and clearance_at")
     put("tendons.damping_factor", 1.0, "which has the damping itself")
@@ -237,7 +142,7 @@ def _put_arm(arm: Section, draw: Draw) -> None:
 
 
 def _disturbance(draw: Draw) -> Section:
-    disturbance: Section = {"kind": _word(draw, "disturbance")}
+    disturbance: Section = {"kind": word_of(draw, "disturbance")}
     if disturbance["kind"] != "none":
         torque = [draw["disturbance_torque"]] * len(COMPARED)
         disturbance["torque"] = _drawn(torque, "N m", "disturbance_torque")
@@ -253,7 +158,7 @@ def _disturbance(draw: Draw) -> Section:
 
 def _reference(draw: Draw, shortest_run: float) -> Section:
     """Motion of both joints, by equal angles except in ``unequal``."""
-    name = _word(draw, "motion")
+    name = word_of(draw, "motion")
     kind, rows = _MOTIONS[name]
     times = {row: draw[row] if row in _UNITS else _on_grid(draw[row]) for row in rows}
     if name == "trapezoidal":

@@ -13,17 +13,10 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import ROWS, Around, LoadedEnsemble, drawn_config
 from tendonrepro.configuration.load import CompareConfig
-from tendonrepro.configuration.models.box import WORDS, BoxRange, BoxRow, Words
+from tendonrepro.configuration.models.box import PER_JOINT, WORDS, BoxRange, BoxRow, Draw, Words
 from tendonrepro.configuration.models.readings import UNDER_READINGS
 from tendonrepro.configuration.quantity import UNITS, to_si
-from tendonrepro.configuration.rows import (
-    PER_JOINT,
-    Draw,
-    drawn_comparison,
-    held_values,
-    scaled_comparison,
-    values_of,
-)
+from tendonrepro.configuration.rows import drawn_comparison, held_values, scaled_comparison, values_of
 from tendonrepro.experiments.loops import Case, Once, case_loops
 from tendonrepro.experiments.user_law import UserLaw
 from tendonrepro.simulation.loop import Loop

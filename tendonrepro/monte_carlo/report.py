@@ -12,9 +12,9 @@ import numpy as np
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig
+from tendonrepro.configuration.models.box import Draw
 from tendonrepro.configuration.models.control import unloaded_run
 from tendonrepro.configuration.models.readings import Reading, parse_reading, under
-from tendonrepro.configuration.rows import Draw
 from tendonrepro.experiments.loops import slow_error_ratio
 from tendonrepro.files import Json
 from tendonrepro.monte_carlo.data import EnsembleData

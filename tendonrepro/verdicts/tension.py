@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
+from tendonrepro.configuration.models.box import PER_JOINT, Joint
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.models.readings import PRINTED
-from tendonrepro.configuration.rows import PER_JOINT, Joint
 from tendonrepro.experiments.statics import COURSES, Mechanism, mechanism
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.population import population_of

@@ -1,13 +1,15 @@
-"""The rows of the box: what is unknown about plant and motion."""
+"""The rows of the box: what is unknown about plant and motion, and where each number stands in an arm."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Annotated, Literal, TypeAlias
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
 from pydantic import Field
 
+from tendonrepro.arrays import Numeric
+from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.models.readings import ERROR_RATES
 from tendonrepro.configuration.quantity import Physical, nonneg, positive, to_si
 from tendonrepro.configuration.strict_model import Mistakes, Model, Number, Provenance
@@ -93,6 +95,63 @@ class Words(_OneOf):
 
 BoxRow: TypeAlias = BoxRange | Choice | Words
 
+Draw: TypeAlias = Mapping[str, float]
+"""Numbers by row, SI; a word counts as its place in `WORDS`."""
+
+
+def word_of(draw: Draw, row: str) -> str:
+    """Word of a row in a draw."""
+    return WORDS[row][int(draw[row])]
+
+
+class Joint(NamedTuple):
+    """What numbers of a joint are shares of, or go together with.
+
+    Length, m, and mass, kg, of its link; radius where its tendon passes the joint, m; factor on the damping
+    of tendons; reduction, and inertia of the reducer before it, kg m².
+    """
+
+    length: Numeric
+    mass: Numeric
+    radius: float = 1.0
+    damping: float = 1.0
+    reduction: float = 1.0
+    reducer: float = 0.0
+
+
+class Row(NamedTuple):
+    """Where a number of the box stands in a manipulator.
+
+    `put` gives the value of the `key` from the number, `get` the number from the value. `about` ends the
+    words that say where the value is from. One with a `switch`, a row of words, acts where that says `word`
+    or ``both``; else the value is `off`.
+    """
+
+    key: str
+    put: Callable[[Any, Joint], Any] = lambda number, _: number
+    get: Callable[[Any, Joint], Any] = lambda value, _: value
+    about: str = ""
+    switch: str = ""
+    word: str = "on"
+    off: float = 0.0
+
+    def acts(self, draw: Draw) -> bool:
+        """Whether a draw has what the number is of."""
+        return not self.switch or word_of(draw, self.switch) in (self.word, "both")
+
+
+class _OnArm(Physical):
+    """A number of the box that is the value of a key of an arm as it stands, with its unit and limits."""
+
+    def __init__(self, key: str, switch: str = "", word: str = "on", off: float = 0.0) -> None:
+        self.row = Row(key, switch=switch, word=word, off=off)
+        model: Any = Manipulator
+        *sections, last = key.split(".")
+        for name in sections:
+            model = model.model_fields[name].annotation
+        (rule,) = (item for item in model.model_fields[last].metadata if isinstance(item, Physical))
+        vars(self).update(vars(rule))
+
 
 _OFFSET = "joint angle less the reference at the start, run of {}, joint {}"
 _FRICTION = "friction over that of the first run, run of {}"
@@ -111,8 +170,8 @@ class BoxConfig(Model):
     link_inertia_3: Annotated[BoxRange, positive("1", "central inertia of link 3 over m l²", at_most=1.0)]
     rotor_inertia: Annotated[BoxRange, nonneg("kg m2", "inertia of a rotor")]
     reducer_inertia: Annotated[BoxRange, nonneg("kg m2", "inertia of wave generator and coupling")]
-    drum_inertia: Annotated[BoxRange, nonneg("kg m2", "inertia of a drum")]
-    winch_viscous: Annotated[BoxRange, nonneg("N m s rad-1", "viscous damping D_m at a winch")]
+    drum_inertia: Annotated[BoxRange, _OnArm("winches.drum_inertia")]
+    winch_viscous: Annotated[BoxRange, _OnArm("winches.viscous")]
     tendon_stiffness_2: Annotated[BoxRange, positive("N m rad-1", "stiffness of tendon 2 at joint 2")]
     tendon_stiffness_3: Annotated[BoxRange, positive("N m rad-1", "stiffness of tendon 3 at joint 3")]
     tendon_damping_2: Annotated[BoxRange, nonneg("N m s rad-1", "damping of tendon 2 at joint 2")]
@@ -120,27 +179,29 @@ class BoxConfig(Model):
     clearance_at: Annotated[Words, Field(description="joints whose tendons have clearance")]
     clearance: Annotated[BoxRange, nonneg("m", "slack that a tendon takes up before it pulls")]
     friction_sides: Annotated[Words, Field(description="sides on which dry friction acts")]
-    link_coulomb: Annotated[BoxRange, nonneg("N m", "Coulomb friction of a joint")]
-    link_viscous: Annotated[BoxRange, nonneg("N m s rad-1", "viscous friction of a joint")]
-    link_static_ratio: Annotated[BoxRange, Physical("1", "static over Coulomb friction, joint", at_least=1.0)]
-    link_stribeck_velocity: Annotated[BoxRange, positive("rad s-1", "Stribeck velocity, joint")]
-    winch_coulomb: Annotated[BoxRange, nonneg("N m", "Coulomb friction at a winch")]
-    winch_static_ratio: Annotated[
-        BoxRange, Physical("1", "static over Coulomb friction, winch", at_least=1.0)
-    ]
-    winch_stribeck_velocity: Annotated[BoxRange, positive("rad s-1", "Stribeck velocity, winch")]
+    link_coulomb: Annotated[BoxRange, _OnArm("friction.link.coulomb", "friction_sides", "link")]
+    link_viscous: Annotated[BoxRange, _OnArm("friction.link.viscous", "friction_sides", "link")]
+    link_static_ratio: Annotated[BoxRange, _OnArm("friction.link.static_ratio")]
+    link_stribeck_velocity: Annotated[BoxRange, _OnArm("friction.link.stribeck_velocity")]
+    winch_coulomb: Annotated[BoxRange, _OnArm("friction.winch.coulomb", "friction_sides", "winch")]
+    winch_static_ratio: Annotated[BoxRange, _OnArm("friction.winch.static_ratio")]
+    winch_stribeck_velocity: Annotated[BoxRange, _OnArm("friction.winch.stribeck_velocity")]
     pulley_loss_acts: Annotated[Words, Field(description="whether guide pulleys lose tension")]
-    pulley_loss: Annotated[BoxRange, nonneg("1", "share of the tension lost at a guide pulley", below=1.0)]
+    pulley_loss: Annotated[BoxRange, _OnArm("friction.per_pulley", "pulley_loss_acts")]
     reducer_loss_acts: Annotated[Words, Field(description="whether the reducer loses torque")]
-    reducer_efficiency: Annotated[BoxRange, positive("1", "efficiency of the reducer", at_most=1.0)]
-    tensioner_force: Annotated[BoxRange, nonneg("N", "force of tendon 4")]
+    reducer_efficiency: Annotated[
+        BoxRange, _OnArm("friction.reducer_efficiency", "reducer_loss_acts", off=1.0)
+    ]
+    tensioner_force: Annotated[BoxRange, _OnArm("tensioner.force")]
     transmission_error_acts: Annotated[Words, Field(description="whether the reducer has angle errors")]
-    transmission_error: Annotated[BoxRange, nonneg("rad", "peak-to-peak angle error at the winch")]
-    torque_limit: Annotated[BoxRange, positive("N m", "saturation at the winch")]
+    transmission_error: Annotated[
+        BoxRange, _OnArm("transmission_error.peak_to_peak", "transmission_error_acts")
+    ]
+    torque_limit: Annotated[BoxRange, _OnArm("actuator.torque_limit")]
     torque_resolution_acts: Annotated[Words, Field(description="whether torque comes in steps")]
-    torque_resolution: Annotated[BoxRange, nonneg("N m", "step of the torque at the winch")]
+    torque_resolution: Annotated[BoxRange, _OnArm("actuator.torque_resolution", "torque_resolution_acts")]
     torque_noise_acts: Annotated[Words, Field(description="whether torque is noisy")]
-    torque_noise: Annotated[BoxRange, nonneg("N m", "RMS noise of the torque at the winch")]
+    torque_noise: Annotated[BoxRange, _OnArm("actuator.torque_noise", "torque_noise_acts")]
     encoder_count: Annotated[Choice, nonneg("rad", "angle of one count of the joint encoders")]
     output_delay: Annotated[Choice, nonneg("1", "delay of the command in samples", at_most=100.0)]
     error_rate: Annotated[Words, Field(description="how the error's rate is obtained")]
@@ -179,3 +240,43 @@ class BoxConfig(Model):
         if reached >= math.pi:
             reach = f"it would reach {math.degrees(reached):.6g} deg"
             yield ("amplitude", "high"), f"must keep link 3 below 180 deg from hanging, {reach}"
+
+
+_OVER = " over the radius squared"
+PER_JOINT: Mapping[str, Row] = {
+    "link_length": Row("links.length"),
+    "link_mass": Row("links.mass"),
+    "link_com": Row("links.com", lambda x, of: x * of.length, lambda v, of: v / of.length, " of the length"),
+    "link_inertia": Row(
+        "links.inertia",
+        lambda x, of: x * of.mass * of.length**2,
+        lambda v, of: v / (of.mass * of.length**2),
+        " of m l^2",
+    ),
+    "tendon_stiffness": Row(
+        "tendons.axial_stiffness", lambda x, of: x / of.radius**2, lambda v, of: v * of.radius**2, _OVER
+    ),
+    "tendon_damping": Row(
+        "tendons.axial_damping",
+        lambda x, of: x / of.radius**2,
+        lambda v, of: of.damping * v * of.radius**2,
+        _OVER,
+    ),
+}
+"""Rows that each joint has of its own, without its number; the box has them for joints 2 and 3."""
+
+SHARED: Mapping[str, Row] = {
+    "rotor_inertia": Row(
+        "winches.reflected_inertia",
+        lambda x, of: of.reduction**2 * (x + of.reducer),
+        lambda v, of: v / of.reduction**2,
+        " and reducer_inertia",
+    ),
+    **{
+        name: item.row
+        for name, field in BoxConfig.model_fields.items()
+        for item in field.metadata
+        if isinstance(item, _OnArm)
+    },
+}
+"""Rows of an arm that all joints share."""
