@@ -89,6 +89,8 @@ def find_source(source: ConfigLike, kind: str | None) -> ConfigSource:
     if source is None or (origin in shipped_names() and not path.is_file()):
         path = shipped_file(origin)
     hint = f"Shipped configurations, by name: {', '.join(shipped_names())}"
+    if path.is_dir():
+        hint = f"Name a file in it, as {path / 'compare.yaml'}"
     return ConfigSource(strict_yaml.read_text(path, hint), origin, path)
 
 

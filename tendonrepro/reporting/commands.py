@@ -116,8 +116,10 @@ def _plan(studies: Mapping[str, Study], talk: Talk) -> Answer[dict[str, "Result"
     from tendonrepro.studies.lifecycle import planned
 
     plans = {name: planned(study, talk) for name, study in studies.items()}
-    text = "\n\n".join(str(plan["text"]) for plan in plans.values())
-    return Answer({"schema_version": 1, **plans}, text, {})
+    texts = [str(plan["text"]) for plan in plans.values()]
+    if any("cost" in plan for plan in plans.values()):
+        texts.append("Single runs, figures and tables take some ten seconds of one processor beside.")
+    return Answer({"schema_version": 1, **plans}, "\n\n".join(texts), {})
 
 
 @command(PAGES, Example("mine.yaml", "mine.html"))
