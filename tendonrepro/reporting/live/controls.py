@@ -8,7 +8,7 @@ from operator import attrgetter
 from typing import NamedTuple
 
 from tendonrepro.configuration.load import CompareConfig
-from tendonrepro.configuration.quantity import Scalar
+from tendonrepro.configuration.quantity import Quantity, Scalar, to_si
 
 READING, CONTROLLER, MOTION, STARTS, ARM = (
     "How the paper is understood",
@@ -135,19 +135,23 @@ def knobs_of(config: CompareConfig) -> Iterator[Knob]:
 
 def menus_of(config: CompareConfig) -> list[Menu]:
     """The readings that can be chosen; a value that needs another trace stays as configured."""
-    readings, menus = config.control.readings, []
+    control, menus = config.control, []
+    lacking = {
+        "error_rate": control.filter_cutoff is None,
+        "Delta_unit": control.readings.gain_unit != "radian",
+    }
     for menu in MENUS:
-        known = getattr(readings, menu.name) in menu.words
-        if menu.name == "error_rate" and config.control.filter_cutoff is None:
-            known = False
-        if menu.name == "Delta_unit" and readings.gain_unit != "radian":
-            known = False
-        if known:
+        if getattr(control.readings, menu.name) in menu.words and not lacking.get(menu.name):
             words = dict(menu.words)
-            if config.control.reference_lag is None:
+            if control.reference_lag is None:
                 words.pop(LATE, None)
             menus.append(replace(menu, words=words))
     return menus
+
+
+def factor_to(unit: str, quantity: Quantity) -> float:
+    """How many of a unit the unit of a quantity is."""
+    return 1.0 if quantity.unit == unit else to_si(1.0, quantity.unit) / to_si(1.0, unit)
 
 
 def entries_of(config: CompareConfig, key: str) -> list[tuple[int | None, str]]:

@@ -26,9 +26,9 @@ from tendonrepro.errors import UsageError
 from tendonrepro.experiments import rig
 from tendonrepro.experiments.loops import build_law, motions
 from tendonrepro.physics.control import Law
-from tendonrepro.physics.dynamics import Plant, state_derivative
+from tendonrepro.physics.dynamics import state_derivative
 from tendonrepro.physics.trajectory import at_rest
-from tendonrepro.reporting.live.controls import Inputs, inputs_of
+from tendonrepro.reporting.live.controls import Inputs, factor_to, inputs_of
 from tendonrepro.simulation.codegen.lanes import mapped
 from tendonrepro.simulation.codegen.printed import (
     Place,
@@ -71,7 +71,7 @@ def given(config: CompareConfig, inputs: Inputs, tape: PlacesTape) -> CompareCon
         quantity, unit = attrgetter(key)(config), inputs.units[key]
         value: Numeric | tuple[Numeric, ...] = symbol
         if entry is not None:
-            factor = 1.0 if quantity.unit == unit else to_si(1.0, quantity.unit) / to_si(1.0, unit)
+            factor = factor_to(unit, quantity)
             value = tuple(
                 symbol if k == entry else number * factor for k, number in enumerate(quantity.value)
             )
@@ -95,12 +95,8 @@ def plant_code(config: CompareConfig, inputs: Inputs) -> Code:
     state, torque = _array(tape, "ss", 4 * n), _array(tape, "uu", n)
     times: Any = tape.places("uu", 2, n)
     t, h = times
-    after, _ = runge_kutta(partial(_slope, torque=torque, plant=plant), t, state, h)
+    after, _ = runge_kutta(lambda t, state: state_derivative(t, state, torque, plant), t, state, h)
     return _code(tape, ("plant", _flat(rest), ("pp", "rr"), "zz"), ("step", list(after), ("ss", "uu"), "nn"))
-
-
-def _slope(t: float, state: Array, torque: Array, plant: Plant) -> Array:
-    return state_derivative(t, state, torque, plant)
 
 
 def law_code(config: CompareConfig, name: str, inputs: Inputs) -> Code:
@@ -131,16 +127,8 @@ def law_code(config: CompareConfig, name: str, inputs: Inputs) -> Code:
     q_d, dq_d, ddq_d = _array(tape, "dd", 3 * n).reshape(3, n)
     state = _array(tape, "ss", 4 * n)
     sampled = sample(state, memory, pending, (q_d, dq_d, ddq_d), quiet, law, hardware)
-    result = [*_flat(sampled.memory), *(symbol for line in sampled.pending for symbol in line)]
-    result += [
-        *sampled.torque,
-        *sampled.measured[0],
-        *sampled.tau,
-        *sampled.tau_m,
-        *sampled.signals[0],
-        *sampled.signals[1],
-    ]
-    result.append(sampled.bounded)
+    shown = sampled.torque, sampled.measured[0], sampled.tau, sampled.tau_m, *sampled.signals[:2]
+    result = [*_flat([*sampled.memory, *sampled.pending, *shown]), sampled.bounded]
     return _code(tape, ("law", begin, ("pp", "zz"), "bb"), ("sample", result, ("ss", "mm", "dd"), "oo"))
 
 

@@ -18,7 +18,7 @@ from tendonrepro.configuration.load import CompareConfig, LoadedConfig, load_con
 from tendonrepro.configuration.models.control import RUNS, unloaded_run
 from tendonrepro.configuration.models.readings import AXES
 from tendonrepro.configuration.published import METRICS, published, row_of
-from tendonrepro.configuration.quantity import Moving, Physical, Quantity, Scalar, to_si
+from tendonrepro.configuration.quantity import Physical, Quantity, to_si
 from tendonrepro.configuration.shown import run_in_words
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
@@ -205,12 +205,14 @@ def _control(
     root = config if run is None else config.runs[run]
     above, _, last = knob.key.rpartition(".")
     section = attrgetter(above)(root) if above else root
-    quantity: Quantity = getattr(section, last) or _absent(config, entry, knob.unit)
-    factor = 1.0 if quantity.unit == knob.unit else to_si(1.0, quantity.unit) / to_si(1.0, knob.unit)
-    value = quantity.value if entry is None else quantity.value[entry]
+    quantity: Quantity | None = getattr(section, last)
+    value, factor, source = 0.0, 1.0, "assumed: none"
+    if quantity is not None:
+        value = quantity.value if entry is None else quantity.value[entry]
+        factor, source = controls.factor_to(knob.unit, quantity), quantity.source
     field = type(section).model_fields[last]
     rule = next(_rules((*field.metadata, field.annotation)))
-    origin = quantity.source.partition(":")[0]
+    origin = source.partition(":")[0]
     return {
         "id": f"{path}.{part.removeprefix('joint ')}" if part else path,
         "key": path,
@@ -226,16 +228,9 @@ def _control(
         **at,
         "value": value * factor,
         "factor": factor,
-        "source": quantity.source,
+        "source": source,
         "origin": ORIGINS.get(origin, origin),
     }
-
-
-def _absent(config: CompareConfig, entry: int | None, unit: str) -> Scalar | Moving:
-    """Zero, for a key that a configuration may lack."""
-    if entry is None:
-        return Scalar(value=0.0, unit=unit, source="assumed: none")
-    return Moving(value=(0.0,) * len(config.joints), unit=unit, source="assumed: none")
 
 
 def _rules(parts: Iterable[object]) -> Iterator[Physical]:
