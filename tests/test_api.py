@@ -154,16 +154,6 @@ def test_a_study_opened_again_is_saved_with_the_figures_that_it_has(tmp_path: Pa
     assert not (tmp_path / "png").exists()
 
 
-def test_a_plain_script_needs_no_main_guard(tmp_path: Path) -> None:
-    script = tmp_path / "script.py"
-    asked = f"tr.compare(set={SHORT}, controllers=[2])"
-    script.write_text(f"import tendonrepro as tr\nprint({asked}.data['status'])\n")
-    done = subprocess.run(
-        [sys.executable, str(script)], capture_output=True, text=True, check=False, cwd=tmp_path
-    )
-    assert (done.returncode, done.stdout) == (0, "{'controller_2': 'ok'}\n"), done.stderr
-
-
 def test_examples_in_docstrings_are_true() -> None:
     package = Path(tr.__file__).parent
     found = [path for path in sorted(package.rglob("*.py")) if ">>> " in path.read_text(encoding="utf-8")]
@@ -218,20 +208,6 @@ def test_a_result_is_saved_in_the_formats_asked_for(
     tr.redraw(folder, ["14"], formats=["svg"])
     assert (folder / "figures" / "fig14.svg").exists()
     assert read_manifest(folder)["figure_formats"] == (suffixes or ["svg"])
-
-
-def test_stored_results_are_drawn_exported_and_compared(saved: Path) -> None:
-    drawn = tr.redraw(saved, ["14"])
-    assert drawn
-    assert all(path.is_file() for path in [*drawn, *tr.redraw(saved, figures=False), tr.export(saved, "csv")])
-    assert tr.diff(saved, saved)["same"]
-    assert tr.report(saved.parent).read_bytes().startswith(b"<!doctype html>")
-
-
-@pytest.mark.slow
-def test_the_example_draws_its_picture(tmp_path: Path) -> None:
-    subprocess.run([sys.executable, ROOT / "examples" / "alpha.py"], cwd=tmp_path, check=True)
-    assert (tmp_path / "alpha.png").stat().st_size > 10_000
 
 
 @pytest.mark.slow

@@ -110,31 +110,6 @@ def test_a_second_run_gives_identical_numbers_and_figures(compared: tuple[Path, 
     assert {path: path.read_bytes() for path in (out / "figures").iterdir()} == before
 
 
-def test_what_stands_in_the_way_of_results_is_explained_and_left_alone(tmp_path: Path) -> None:
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "traces.h5").write_text("without a manifest")
-    cases = {("compare", "--out", "out"): 2, ("result", "redraw"): 4}
-    for words, code in cases.items():
-        error = answer(*words, *(SHORT if code < 4 else ()), cwd=tmp_path, code=code)["error"]
-        assert "out" in error["where"] or "traces.h5" in error["where"] + error["message"]
-    assert (tmp_path / "out" / "traces.h5").read_text() == "without a manifest"
-
-
-def test_a_limit_of_the_size_of_files_is_a_sentence_and_the_old_result_stays(tmp_path: Path) -> None:
-    resource = pytest.importorskip("resource", reason="Windows has no such limits")
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "earlier.json").write_text("old")
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, hard))
-    try:
-        words = ["compare", "--controllers", "2", *SHORT, "--out", "out", "--force"]
-        error = answer(*words, cwd=tmp_path, code=1)["error"]
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert "traces.h5" in error["message"]
-    assert [path.read_text() for path in tmp_path.rglob("*") if path.is_file()] == ["old"]
-
-
 @pytest.mark.slow
 def test_a_diverged_run_ends_with_code_5_and_full_results(tmp_path: Path) -> None:
     words = [*SHORT, "--set", "control.readings.gain_unit=law_in_degrees", "--out", "out"]
@@ -341,22 +316,6 @@ def test_dry_run_writes_nothing(tmp_path: Path) -> None:
     changed = answer("reproduce", "--dry-run", "--set", "sampling_period=2", cwd=tmp_path)
     assert "closest" not in changed
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.slow
-def test_a_law_of_the_users_own_runs_beside_the_others(tmp_path: Path) -> None:
-    (tmp_path / "mine.py").write_text(
-        "import numpy as np\n"
-        "from tendonrepro.physics import command, estimator_weights\n"
-        "def mine(memory, q, q_d, dq_d, ddq_d, law):\n"
-        "    weights = estimator_weights(np.array([0.1, 0.2]))\n"
-        "    return command(memory, q, q_d, dq_d, ddq_d, law._replace(weights=weights))\n"
-    )
-    words = ["compare", *SHORT, "--controllers", "1", "--out", "out"]
-    data = answer(*words, "--law", "mine.py:mine", cwd=tmp_path)
-    assert data["table2"]["mine"] == data["table2"]["controller_1"]
-    done = run(*words[:-1], "other", "--law", "mine.py:none", cwd=tmp_path)
-    assert (done.returncode, "no function" in done.stderr) == (2, True)
 
 
 def test_version_environment_and_citation(command: str, tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -99,17 +98,3 @@ def test_a_report_names_what_it_shows_and_what_it_leaves_out(place: Path) -> Non
     text = run("report", ".", cwd=place).stdout
     page = (place / "report.html").read_text(encoding="utf-8")
     assert all(name in text and name in page for name in folders)
-
-
-def test_other_numbers_of_the_same_command_differ_by_key(place: Path) -> None:
-    (statics,) = results_of("statics", place)
-    answer("statics", "--set", "manipulator.tensioner.force=30", "--out", "tense", cwd=place)
-    found = answer("result", "diff", "statics", "tense", cwd=place, code=1)
-    keys = {row["key"] for row in found["config"]}
-    assert {"sha256", "manipulator.tensioner.force.value"} <= keys
-    first = json.loads((statics / "statics.json").read_text())
-    second = json.loads((place / "tense" / "statics.json").read_text())
-    assert first != second
-    assert found["numbers"]
-    assert not found["command"]
-    assert answer("result", "diff", "statics", "compare", cwd=place, code=1)["command"]

@@ -12,15 +12,6 @@ from support.command import answer, run
 from tendonrepro.cli.app import RETIRED
 
 
-def test_a_dry_run_of_an_ensemble_says_what_it_would_cost(tmp_path: Path) -> None:
-    found = answer("ensemble", "--draws", "4096", "--dry-run", cwd=tmp_path)
-    assert found["cost"]["experiments"] % 4096 == 0
-    text = run("ensemble", "--draws", "4096", "--dry-run", cwd=tmp_path)
-    assert text.returncode == 0
-    assert f"{found['cost']['experiments']:,} experiments" in text.stdout
-    assert not list(tmp_path.iterdir())
-
-
 def test_check_with_a_baseline_fails_where_a_verdict_changed(tmp_path: Path) -> None:
     ledger, kept = tmp_path / "reports" / "claims" / "claims.json", tmp_path / "before.json"
     answer("claims", cwd=tmp_path)

@@ -15,36 +15,12 @@ from support.html_page import read_page
 from support.made_ensemble import DIVERGED, PLANTS, always_ok, ensemble, random_errors, whole
 
 from tendonrepro.configuration.shown import SHOWN
-from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.errors import DataMissingError
 from tendonrepro.files import to_json
 from tendonrepro.monte_carlo.report import COLUMNS
 from tendonrepro.reporting.contents import HEAD, read_shown, rendered, shown
 from tendonrepro.reporting.figures import draw_orders
 from tendonrepro.reporting.page import run_report, stored_under
-
-
-@pytest.mark.slow
-def test_a_report_is_replaced_and_nothing_else_is(results, tmp_path):
-    folder = tmp_path / "reports"
-    shutil.copytree(results, folder)
-    first = run_report(folder, None, force=False)
-    path = Path(first["path"])
-    assert path == folder / "report.html"
-    assert first["bytes"] == path.stat().st_size
-    assert first["parts"] == {
-        **{"decouple": "run", "compare": "run", "validate": "missing"},
-        **{"claims": "shipped", "ensemble": "shipped"},
-    }
-    assert run_report(folder, None, force=False) == first
-    path.write_text("mine", encoding="utf-8")
-    with pytest.raises(UsageError):
-        run_report(folder, None, force=False)
-    assert path.read_text(encoding="utf-8") == "mine"
-    assert run_report(folder, None, force=True) == first
-    with pytest.raises(DataMissingError):
-        run_report(tmp_path / "none", None, force=False)
-    with pytest.raises(UsageError):
-        run_report(folder, tmp_path, force=True)
 
 
 def test_every_result_of_a_folder_is_shown_and_says_how_to_make_it_again(results, tmp_path):

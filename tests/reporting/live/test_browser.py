@@ -348,18 +348,6 @@ def test_leaving_out_a_whole_run_is_no_failure_of_a_controller(browser: Browser,
         assert "Controller" not in words(browser, element)
 
 
-def test_tables_and_errors_stand_above_the_fold(browser: Browser, page: Path) -> None:
-    browser.width(1280, 1000)
-    opened(browser, page, "#published")
-    bottoms = browser.run(
-        "return [byId('tables'), ...plots.slice(0, 2).map(({ box }) => box)]"
-        ".map((one) => one.getBoundingClientRect().bottom)"
-    )
-    assert max(bottoms) <= 1000
-    assert browser.run("return plots.slice(0, 2).map(({ name }) => name)") == ["e", "e"]
-    browser.width(1280)
-
-
 def test_the_page_begins_with_what_the_command_line_shows(
     browser: Browser, page: Path, tmp_path: Path
 ) -> None:
