@@ -23,13 +23,11 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import parse_reading
 from tendonrepro.configuration.published import METRICS, published
 from tendonrepro.configuration.shown import KEPT, SHOWN
+from tendonrepro.identification.bench import Simulated, bench_of, log_misfit
 from tendonrepro.identification.goal import Goal, printed_numbers
-from tendonrepro.identification.misfit import Bench, Simulated, log_misfit
-from tendonrepro.identification.space import space_of
 from tendonrepro.monte_carlo.data import EnsembleData, read_ensemble
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.verdicts.planted import MOST_PLANTS, stable_errors
-from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.monte_carlo.report import COLUMNS, rows_of
 from tendonrepro.reporting.contents import head_of
 from tendonrepro.tuning.bench import PUBLISHED
@@ -164,7 +162,7 @@ def nearest_draws(ensemble: EnsembleData, goal: Goal, reading: str) -> Array:
 def misfit_of_draws(ensemble: EnsembleData) -> dict[str, Any]:
     """How near the draws of each interpretation shown come to Tables 2 and 3, without any search."""
     goal = printed_numbers(published(), ensemble.joints)
-    bench = Bench(space_of(load_ensemble(None)), "whole", simulate_batch)
+    bench = bench_of(load_ensemble(None))
 
     def misfit(name: str) -> float:
         near = nearest_draws(ensemble, goal, name)

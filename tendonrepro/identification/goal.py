@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,8 @@ Window: TypeAlias = Literal["whole", "late", "settled"]
 
 _ROUNDED = 6
 """Digits behind the point up to which a number of a table counts as rounded; longer ones are exact."""
+_Numbers: TypeAlias = dict[tuple[str, str, int], tuple[float, float]]
+"""Errors and their reading errors, deg, NaN where unknown, by run, metric and joint."""
 _HINT = "A table begins with run,joint,mae_deg,rmse_deg, as tables/table2.csv of compare does."
 
 
@@ -116,16 +118,6 @@ def printed_numbers(paper: Published, joints: Sequence[int], fit: Target = "all"
     )
 
 
-class _Number(NamedTuple):
-    """One error and its reading error, deg; NaN where that is unknown."""
-
-    run: str
-    metric: str
-    joint: int
-    value: float
-    half: float
-
-
 def goal_of(
     loaded: LoadedEnsemble,
     errors: Path | None,
@@ -164,28 +156,23 @@ def own_numbers(path: Path, loaded: LoadedEnsemble, window: Window, laws: Sequen
     """
     is_log = path.is_dir() or path.suffix == ".h5"
     known = (*loaded.compare.runs, *laws)
-    numbers = list(_of_traces(path, loaded, window, known) if is_log else _of_table(path, loaded, known))
+    numbers = _of_traces(path, loaded, window, known) if is_log else _of_table(path, loaded, known)
     if not numbers:
         raise UsageError("holds no errors to fit", where=str(path), hint=_HINT)
-    joints = loaded.compare.joints
-    runs = tuple(run for run in known if any(number.run == run for number in numbers))
-    values, half = (np.full((len(runs), len(METRICS), len(joints)), np.nan) for _ in range(2))
-    for number in numbers:
-        place = runs.index(number.run), METRICS.index(number.metric), joints.index(number.joint)
-        values[place], half[place] = number.value, number.half
-    return Goal(
-        name=path.name,
-        named={"errors": path.name},
-        runs=runs,
-        joints=tuple(joints),
-        values=values,
-        half=half,
-        fitted=np.isfinite(values),
-    )
+    joints = tuple(loaded.compare.joints)
+    runs = tuple(run for run in known if any(run == own for own, _, _ in numbers))
+    every = [
+        [[numbers.get((run, metric, joint), (np.nan, np.nan)) for joint in joints] for metric in METRICS]
+        for run in runs
+    ]
+    values, half = np.moveaxis(np.array(every), -1, 0)
+    fitted = np.isfinite(values)
+    return Goal(path.name, {"errors": path.name}, runs, joints, values, half, fitted)
 
 
-def _of_traces(path: Path, loaded: LoadedEnsemble, window: Window, runs: Sequence[str]) -> Iterator[_Number]:
+def _of_traces(path: Path, loaded: LoadedEnsemble, window: Window, runs: Sequence[str]) -> _Numbers:
     """Errors as `compare` computes them, of runs and joints that the comparison has."""
+    numbers: _Numbers = {}
     file = read_traces(path).part("compare")
     seconds = START if window == "settled" else 0.0
     name = "after_first_period" if window == "late" else without_start_name(seconds)
@@ -201,60 +188,56 @@ def _of_traces(path: Path, loaded: LoadedEnsemble, window: Window, runs: Sequenc
         for metric in METRICS:
             for joint, value in zip(trace.joint, sizes[metric], strict=True):
                 if joint in loaded.compare.joints and value > 0.0:
-                    yield _Number(run, metric, joint, float(value), np.nan)
+                    numbers[run, metric, joint] = float(value), np.nan
+    return numbers
 
 
-def _of_table(path: Path, loaded: LoadedEnsemble, runs: Sequence[str]) -> Iterator[_Number]:
+def _of_table(path: Path, loaded: LoadedEnsemble, runs: Sequence[str]) -> _Numbers:
     """Numbers of a table with a row for each run and joint."""
     lines = csv.DictReader(read_text(path, "name a table of errors, or a folder with traces").splitlines())
     lines.fieldnames = columns = [name.strip() for name in lines.fieldnames or ()]
-    _check_columns(columns, path)
-    joints, seen = [str(number) for number in loaded.compare.joints], dict[tuple[str, str, str], int]()
+    joints = [str(number) for number in loaded.compare.joints]
+    numbers: _Numbers = {}
+
+    def wrong(message: str, hint: str) -> UsageError:
+        return UsageError(message, where=f"{path}:{max(lines.line_num, 1)}", hint=hint)
+
+    def positive(text: str, column: str) -> Decimal:
+        try:
+            value = Decimal(text)
+        except InvalidOperation:
+            value = Decimal(0)
+        if not (value.is_finite() and value > 0):
+            message = f"{column}: must be a number of degrees above 0, found {text!r}"
+            raise wrong(message, "leave out what was not measured")
+        return value
+
+    allowed = (*COLUMNS, "half_deg")
+    if unknown := [name for name in columns if name not in allowed]:
+        raise wrong(f"no column is called {unknown[0]!r}{did_you_mean(unknown[0], allowed)}", _HINT)
+    for needed in ({"run"}, {"joint"}, {"mae_deg", "rmse_deg"}):
+        if not needed & {*columns}:
+            raise wrong(f"there is no column {' or '.join(sorted(needed))}", _HINT)
     for row in lines:
-        where = f"{path}:{lines.line_num}"
         if None in row:
             message = f"has more cells than the {len(columns)} of the heading"
-            raise UsageError(message, where=where, hint="write 0.25 with a point, and a comma between cells")
+            raise wrong(message, "write 0.25 with a point, and a comma between cells")
         cells = {name: (cell or "").strip() for name, cell in row.items()}
         run, joint = cells["run"], cells["joint"]
         if run not in runs:
             message = f"{loaded.base.origin} has no run {run!r}{did_you_mean(run, runs)}"
-            raise UsageError(message, where=where, hint=f"There are: {', '.join(runs)}")
+            raise wrong(message, f"There are: {', '.join(runs)}")
         if joint not in joints:
             message = f"no joint {joint!r} moves in {loaded.base.origin}"
-            raise UsageError(message, where=where, hint=f"There are: {', '.join(joints)}")
-        half = cells.get("half_deg") and float(_positive(cells["half_deg"], "half_deg", where))
+            raise wrong(message, f"There are: {', '.join(joints)}")
+        half = cells.get("half_deg") and float(positive(cells["half_deg"], "half_deg"))
         for metric in METRICS:
             if text := cells.get(f"{metric}_deg"):
-                key, value = (run, metric, joint), _positive(text, f"{metric}_deg", where)
-                if key in seen:
-                    message = f"{metric} of {run}, joint {joint}, is in line {seen[key]}, too"
-                    raise UsageError(message, where=where, hint="delete one of the two")
-                seen[key] = lines.line_num
-                yield _Number(run, metric, int(joint), float(value), half or _half_unit(value))
-
-
-def _check_columns(columns: Sequence[str], path: Path) -> None:
-    known = (*COLUMNS, "half_deg")
-    missing = [name for name in ("run", "joint") if name not in columns]
-    missing += ["mae_deg"] if not {"mae_deg", "rmse_deg"} & {*columns} else []
-    unknown = [name for name in columns if name not in known]
-    if missing:
-        raise UsageError(f"there is no column {missing[0]}", where=f"{path}:1", hint=_HINT)
-    if unknown:
-        message = f"no column is called {unknown[0]!r}{did_you_mean(unknown[0], known)}"
-        raise UsageError(message, where=f"{path}:1", hint=_HINT)
-
-
-def _positive(text: str, column: str, where: str) -> Decimal:
-    try:
-        value = Decimal(text)
-    except InvalidOperation:
-        value = Decimal(0)
-    if not (value.is_finite() and value > 0):
-        message = f"{column}: must be a number of degrees above 0, found {text!r}"
-        raise UsageError(message, where=where, hint="leave out what was not measured")
-    return value
+                key, value = (run, metric, int(joint)), positive(text, f"{metric}_deg")
+                if key in numbers:
+                    raise wrong(f"{metric} of {run}, joint {joint}, stands twice", "delete one of the two")
+                numbers[key] = float(value), half or _half_unit(value)
+    return numbers
 
 
 def _half_unit(value: Decimal) -> float:

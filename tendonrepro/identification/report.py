@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 
@@ -14,12 +15,11 @@ from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import METRICS
 from tendonrepro.configuration.rows import idle_rows
-from tendonrepro.configuration.strict_yaml import dump
+from tendonrepro.configuration.strict_yaml import Section, dump, section
 from tendonrepro.console import count_of
 from tendonrepro.files import Json, write_atomically
+from tendonrepro.identification.bench import Simulated
 from tendonrepro.identification.goal import Goal
-from tendonrepro.identification.misfit import Simulated
-from tendonrepro.identification.space import Space
 from tendonrepro.monte_carlo.population import Population
 from tendonrepro.results.tables import Table
 from tendonrepro.studies.result import Result
@@ -36,35 +36,40 @@ AT_BOUND = 0.01
 WIDE = 0.25
 """Share of a row's range beyond which plants that fit alike do not determine it."""
 
+_FOLLOWS = {"links.com": ("links.length",), "links.inertia": ("links.mass", "links.length")}
+"""Values of an arm that move with others, too."""
+_DRAWN = "assumed: draw from the box, "
+_HELD = "not searched but of the arm at the start, "
+_OF_JOINT = re.compile("(_joint)?_[23]$")
+"""End of a row's name that a source leaves out."""
+
 _OF_READINGS = ("name", "misfit_log", "low", "high", "in_order", "found_by")
 _OF_KNOWN = ("name", "best", "lowest", "highest", "value", "value_unit", "known")
 """Columns for a terminal."""
 
 
-SearchAnswer: TypeAlias = Json
-"""What the searches of one reading found.
-
-A row of its `searches`, the nearer first, has the median misfit of the repeats, its quartiles, the share of
-them with the order of the goal, and the lowest misfit that was seen. Rows of `numbers` and `best_shape` have
-keys that name whose they are, those of `parameters` and `known` a row of the ranges each.
-"""
-
-
-def nearest_search(searches: Sequence[SearchAnswer]) -> SearchAnswer:
+def nearest_search(searches: Sequence[Json]) -> Json:
     """The reading that fits best."""
     return min(searches, key=lambda search: search["misfit_log"])
 
 
 def identification_result(
-    head: Json, searches: Sequence[SearchAnswer], goal: Goal, within: str, remarks: Sequence[str]
+    head: Json, searches: Sequence[Json], goal: Goal, box: Population, remarks: Sequence[str]
 ) -> Result:
-    """Everything that is written and shown; some remarks come first."""
+    """Everything that is written and shown; some remarks come first.
+
+    A search is what was found for one reading. A row of its `searches`, the nearer first, has the median
+    misfit of the repeats, its quartiles, the share of them with the order of the goal, and the lowest misfit
+    that was seen. Rows of `numbers` and `best_shape` have keys that name whose they are, those of
+    `parameters` and `known` a row of the ranges each.
+    """
     from tendonrepro.identification.figures import draw_numbers
 
     best = nearest_search(searches)
-    answers, open_ends = [*remarks, conclusion(searches[0], goal, within)], unknown(best, goal)
+    answers, open_ends = [*remarks, conclusion(searches[0], goal, _within(box))], unknown(best, goal)
     data = {**head, "readings": searches, "conclusions": answers, "unknown": open_ends}
-    numbers, parameters = list[Json](), list[Json]()
+    numbers: list[Json] = []
+    parameters: list[Json] = []
     for answer in searches:
         known = {row["name"]: row for row in answer["known"]}
         numbers += [{"reading": answer["name"], **row} for row in answer["numbers"]]
@@ -103,7 +108,7 @@ def identification_result(
     return Result(data, parts, {"identify_numbers": drawing})
 
 
-def _scalars(answer: SearchAnswer) -> Json:
+def _scalars(answer: Json) -> Json:
     """Row of the table of readings: the nearer search, and the misfit of each."""
     plain = {key: value for key, value in answer.items() if not isinstance(value, list)}
     nearer = {key: value for key, value in answer["searches"][0].items() if key != "search"}
@@ -111,20 +116,20 @@ def _scalars(answer: SearchAnswer) -> Json:
     return plain | nearer | {"found_by": answer["searches"][0]["search"]} | dict(sorted(each.items()))
 
 
-def conclusion(first: SearchAnswer, goal: Goal, within: str) -> str:
+def conclusion(first: Json, goal: Goal, within: str) -> str:
     """Whether a plant fits under the first reading."""
     answer = f"A plant within {within} gives" if first["fits"] else "No plausible plant found for"
     numbers = f"the {count_of(goal.numbers, 'number')} of {goal.name}"
     return f"{answer} {numbers}{_under(first, goal)}: best misfit {first['misfit_log']:.3g} in log ratio."
 
 
-def _under(search: SearchAnswer, goal: Goal) -> str:
+def _under(search: Json, goal: Goal) -> str:
     """Which interpretation of the paper, in words; none of a comparison as it is."""
     named = f" under {search['name']}" if goal.of_paper or search["name"] != PRINTED else ""
     return named + ", whose errors are of motors" * ("feedback=motor" in search["name"])
 
 
-def unknown(best: SearchAnswer, goal: Goal) -> list[str]:
+def unknown(best: Json, goal: Goal) -> list[str]:
     """What the best reading's search leaves open."""
     rows, open_rows = best["known"], [row["name"] for row in best["known"] if not row["determined"]]
     counted = f"{count_of(len(rows), 'parameter')} fitted to {count_of(goal.numbers, 'number')}"
@@ -138,11 +143,11 @@ def unknown(best: SearchAnswer, goal: Goal) -> list[str]:
     return [f"{counted}: {alike} determine each, as far as the model is right."]
 
 
-def write_config(path: Path, config: CompareConfig, space: Space, goal: Goal, search: SearchAnswer) -> None:
+def write_config(path: Path, config: CompareConfig, box: Population, goal: Goal, search: Json) -> None:
     """Write the best plant under a reading as a configuration, and read it back as a check."""
-    tree = space.sourced(
-        config, f"identified: {goal.name}, misfit {search['misfit_log']:.2g}", search["rows_searched"]
-    )
+    sourced = _sourced_arm if box.around else _sourced_draw
+    source = f"identified: {goal.name}, misfit {search['misfit_log']:.2g}"
+    tree = sourced(config, box, source, search["rows_searched"])
     tree["title"] = f"{config.title}, plant fitted to {goal.name}"
     rows = search["parameters"]
     bounds = [f"{row['name']} ({row['at_bound']})" for row in rows if row["at_bound"]]
@@ -155,12 +160,68 @@ def write_config(path: Path, config: CompareConfig, space: Space, goal: Goal, se
 # the median of repeats with masses moved by a millionth.
 # It proves nothing: what was fitted to {goal.origin} cannot be evidence for it.
 # Searched: {searched}.
-# At a bound of {space.within}: {", ".join(bounds) or "none of them"}.
+# At a bound of {_within(box)}: {", ".join(bounds) or "none of them"}.
 
 """
     path.parent.mkdir(exist_ok=True)
     write_atomically(path, heading + dump(tree))
     load_config(path, "compare")
+
+
+def _within(box: Population) -> str:
+    return "these ranges" if box.around else "the box"
+
+
+def _sourced_draw(config: CompareConfig, box: Population, source: str, rows: Sequence[str]) -> Section:
+    """A draw of the paper's ranges; each number says whether its row was searched, or is the base's."""
+    del box
+    searched = "|".join(f"{row}|{_OF_JOINT.sub('', row)}" for row in rows)
+
+    def told(drawn: re.Match[str]) -> str:
+        is_searched = re.search(rf"\b({searched})\b", drawn[1])
+        return f"{source}, " + ("" if is_searched else _HELD) + drawn[1]
+
+    return _plain(re.sub(f'{_DRAWN}([^"]*)', told, config.model_dump_json(exclude_none=True)))
+
+
+def _sourced_arm(config: CompareConfig, box: Population, source: str, rows: Sequence[str]) -> Section:
+    """An arm of one's own; what was not searched keeps the source that it has."""
+    tree, base = _plain(config.model_dump_json(exclude_none=True)), box.loaded.base
+    for key in dict.fromkeys(row.key for row in box.rows):
+        moving = (key, *_FOLLOWS.get(key, ()))
+        searched = [row for row in box.rows if row.key in moving and row.name in rows]
+        value = section(tree, "manipulator", *key.split("."))
+        value["source"] = own = section(base.tree, "manipulator", *key.split("."))["source"]
+        if searched:
+            moved = {row.joint for row in searched}
+            all_joints = None in moved or len(moved) == config.manipulator.joints
+            others = "" if all_joints else f"; the others {own}"
+            value["source"] = f"{source}, {', '.join(row.name for row in searched)}{others}"
+    if tree["reference"]["kind"] == "sampled":
+        # The file that names it now lies elsewhere.
+        tree["reference"]["file"] = str((base.folder / tree["reference"]["file"]).resolve())
+    return tree
+
+
+def _plain(text: str) -> Section:
+    """JSON as plain values, an integer where a number is whole: the schema wants counts to be."""
+
+    def plain(number: str) -> float:
+        value = float(number)
+        return int(value) if value.is_integer() else value
+
+    found: Section = json.loads(text, parse_float=plain)
+    return found
+
+
+def arm_values(config: CompareConfig, box: Population) -> dict[str, tuple[float, str]]:
+    """The value that each factor gives an arm of one's own, with its unit, by the row's name."""
+    found, arm = {}, _plain(config.manipulator.model_dump_json())
+    for row in box.rows if box.around else ():
+        quantity: Section = section(arm, *row.key.split("."))
+        held = np.atleast_1d(quantity["value"])[row.joint - 1 if row.joint else -1]
+        found[row.name] = float(held), quantity["unit"]
+    return found
 
 
 def number_rows(plants: Simulated, goal: Goal) -> list[Json]:
@@ -209,7 +270,8 @@ def known_rows(box: Population, units: Array, numbers: int, *, fits: bool) -> li
     where the best does not fit there is nothing to be known.
     """
     values, searched = box.values(units), np.flatnonzero(box.free).tolist()
-    alone, rows = bool((units == units[0]).all()), list[Json]()
+    alone = bool((units == units[0]).all())
+    rows: list[Json] = []
     for p in searched:
         words, ends = box.rows[p].words, (float(values[:, p].min()), float(values[:, p].max()))
         # Of a choice two words are all there is to say.

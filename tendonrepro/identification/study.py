@@ -25,11 +25,9 @@ from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import reference_period
 from tendonrepro.files import Json
 from tendonrepro.identification import report
+from tendonrepro.identification.bench import Bench, Repeats, bench_of
 from tendonrepro.identification.goal import Goal, Target, Window, goal_of, with_input
-from tendonrepro.identification.misfit import Bench, Repeats
 from tendonrepro.identification.optimisers import SEARCHES, SearchPoints
-from tendonrepro.identification.report import SearchAnswer
-from tendonrepro.identification.space import space_of
 from tendonrepro.monte_carlo.kept import WHOLE_RUNS, study_on_plants
 from tendonrepro.monte_carlo.plan import identity_of
 from tendonrepro.monte_carlo.population import Population
@@ -41,8 +39,11 @@ from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site, Study, cost_of, folder_of
 
-Results: TypeAlias = dict[str, tuple[SearchAnswer, CompareConfig]]
+Results: TypeAlias = dict[str, tuple[Json, CompareConfig]]
 """Numbers and best plant by reading."""
+
+Seen: TypeAlias = tuple[Array, Array]
+"""Points (N, P) that a search looked at, and their misfits (N,)."""
 
 SCHEMA_VERSION = 4
 
@@ -83,16 +84,11 @@ class IdentificationTask:
         points, count = AGAIN
         return self.draws + len(SEARCHES) * (2 * self.budget + points * count + REPEATS)
 
-    @property
-    def fitted(self) -> tuple[str, ...]:
-        """Runs that are fitted."""
-        return self.goal.sought.runs
-
     def cases(self) -> dict[Reading, list[Reading]]:
         """Readings by what of them changes the fitted runs; that is searched once."""
         found: dict[Reading, list[Reading]] = {}
         for held in self.readings:
-            of_runs = [axes.case_of(held, run) if run in RUNS else held for run in self.fitted]
+            of_runs = [axes.case_of(held, run) if run in RUNS else held for run in self.goal.sought.runs]
             changing = {axis for of_run in of_runs for axis, _ in of_run.settings}
             case = axes.reading({axis: value for axis, value in held.settings if axis in changing})
             found.setdefault(case, []).append(held)
@@ -101,8 +97,7 @@ class IdentificationTask:
     def cost(self) -> dict[str, float]:
         """Experiments at most, and about how many hours of one processor they take."""
         plants = self.evaluations * len(self.cases())
-        experiments = plants * len(self.fitted)
-        return cost_of(experiments, SECONDS_PER_EXPERIMENT)
+        return cost_of(plants * len(self.goal.sought.runs), SECONDS_PER_EXPERIMENT)
 
     def outline(self) -> Json:
         """What is known beforehand."""
@@ -173,15 +168,16 @@ def identification(
         message = f"is of the paper's tables; what is fitted stands in {errors}"
         raise UsageError(message, where="--fit", hint="leave it out")
     window = _window(loaded, window) if errors else window
-    space = space_of(loaded)
+    bench = bench_of(loaded, window)
+    named = _named_rows(rows, bench.box)
     task = IdentificationTask(
         loaded=loaded,
         goal=goal_of(loaded, errors, window, fit),
         readings=_named(readings, loaded),
         budget=budget,
-        rows=_named_rows(rows, space.box),
+        rows=named,
         seed=int(loaded.config.seed.si),
-        bench=Bench(space, window, simulate_batch),
+        bench=bench.searching(np.isin(bench.box.names, named)) if named else bench,
     )
     out = folder_of("identify", folder)
     head = task.outline() | {"out": str(out), "config": str(out / report.CONFIG)}
@@ -219,10 +215,10 @@ def _result(task: IdentificationTask, head: Json, results: Results, files: Path)
     paths = [(files / report.PLANTS / f"{name}.yaml", name) for name in results]
     for path, name in [*paths, (files / report.CONFIG, nearest)]:
         reading, best = results[name]
-        report.write_config(path, best, task.bench.space, task.goal, reading)
+        report.write_config(path, best, task.bench.box, task.goal, reading)
     other = task.goal.of_paper and not base_of_paper(task.loaded.compare)
     remarks = [OTHER_BASE] if other else []
-    return report.identification_result(head, searches, task.goal, task.bench.space.within, remarks)
+    return report.identification_result(head, searches, task.goal, task.bench.box, remarks)
 
 
 def _named(readings: str, loaded: LoadedEnsemble) -> tuple[Reading, ...]:
@@ -235,6 +231,20 @@ def _named(readings: str, loaded: LoadedEnsemble) -> tuple[Reading, ...]:
     return readings_on(
         loaded, ",".join(reading.name for reading in every if not (listed and draws_rows(reading)))
     )
+
+
+def _named_rows(text: str, box: Population) -> tuple[str, ...]:
+    """Rows of a list with commas between; a UsageError for one that there is not, or that cannot move."""
+    rows = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    free = [row.name for row in box.rows if row.free]
+    for name in rows:
+        if name not in box.names:
+            close = ", ".join(get_close_matches(name, free)) or f"there are: {', '.join(free)}"
+            raise UsageError(f"no row of the ranges is called {name!r}", where="--rows", hint=close)
+        if name not in free:
+            message = f"{name} is off on this arm, or its range is a point"
+            raise UsageError(message, where="--rows", hint=f"These can be searched: {', '.join(free)}")
+    return rows
 
 
 def _searches(task: IdentificationTask, states: Path, jobs: int, talk: Talk) -> Results:
@@ -267,13 +277,12 @@ class _End(NamedTuple):
 def _searched(
     task: IdentificationTask, states: Path, progress: Callable[[int], None] | None, place: int
 ) -> Results:
+    """Search for one case, and tell what it found under each reading that shares it."""
     case, readings = list(task.cases().items())[place]
-    goal, box, told = task.goal.sought, task.bench.box, progress or (lambda _: None)
-    free = np.array([name in task.rows for name in box.names]) if task.rows else box.free
-    bench = task.bench.searching(free)
+    box, told = task.bench.box, progress or (lambda _: None)
+    misfit = partial(task.bench.evaluated, reading=case, goal=task.goal.sought)
 
     def plants(name: str, most: int) -> SearchPoints:
-        misfit = partial(bench.evaluated, reading=case, goal=goal)
         return SearchPoints(misfit, len(box.names), most, states / f"{case.name}-{name}.npy", told)
 
     draws = plants("draws", task.draws)
@@ -282,32 +291,22 @@ def _searched(
     smooth, ends, seen = np.array([not row.choices for row in box.rows]), [], [draws.seen]
     for name, search in SEARCHES.items():
         look = plants(name.replace(" ", "_"), task.budget)
-        search(starts, free, smooth, look, task.seed)
-        ends.append(_repeated(name, [draws.seen, look.seen], bench, case, task, told))
+        search(starts, box.free, smooth, look, task.seed)
+        ends.append(_repeated(task, case, name, [draws.seen, look.seen], told))
         seen.append(look.seen)
     ends.sort(key=lambda end: end.row["misfit_log"])
-    points, misfits = (np.concatenate(parts) for parts in zip(*seen, strict=True))
-    return {
-        reading.name: _reading_data(task, bench, case, reading, ends, (points, misfits))
-        for reading in readings
-    }
+    return {reading.name: _reading_data(task, case, reading, ends, seen) for reading in readings}
 
 
 def _repeated(
-    name: str,
-    seen: Sequence[tuple[Array, Array]],
-    bench: Bench,
-    case: Reading,
-    task: IdentificationTask,
-    told: Callable[[int], None],
+    task: IdentificationTask, case: Reading, name: str, seen: Sequence[Seen], told: Callable[[int], None]
 ) -> _End:
     """Repeat the nearest points of a search: one that came near by luck does so once."""
     points, misfits = (np.concatenate(parts) for parts in zip(*seen, strict=True))
     points, first = np.unique(points, axis=0, return_index=True)
     order = np.argsort(misfits[first], kind="stable")
     points, misfits = points[order], misfits[first][order]
-
-    goal = task.goal.sought
+    bench, goal = task.bench, task.goal.sought
 
     def repeated(nearest: Array, count: int, stage: int) -> Repeats:
         told(len(nearest) * count)
@@ -336,40 +335,21 @@ def _repeated(
     return _End(row, points, medians)
 
 
-def _named_rows(text: str, box: Population) -> tuple[str, ...]:
-    """Rows of a list with commas between; a UsageError for one that there is not, or that cannot move."""
-    rows = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
-    free = [row.name for row in box.rows if row.free]
-    for name in rows:
-        if name not in box.names:
-            close = ", ".join(get_close_matches(name, free)) or f"there are: {', '.join(free)}"
-            raise UsageError(f"no row of the ranges is called {name!r}", where="--rows", hint=close)
-        if name not in free:
-            message = f"{name} is off on this arm, or its range is a point"
-            raise UsageError(message, where="--rows", hint=f"These can be searched: {', '.join(free)}")
-    return rows
-
-
 def _reading_data(
-    task: IdentificationTask,
-    bench: Bench,
-    case: Reading,
-    reading: Reading,
-    ends: Sequence[_End],
-    seen: tuple[Array, Array],
-) -> tuple[SearchAnswer, CompareConfig]:
+    task: IdentificationTask, case: Reading, reading: Reading, ends: Sequence[_End], seen: Sequence[Seen]
+) -> tuple[Json, CompareConfig]:
     """Values of one reading, and its best plant."""
-    nearest, misfit = ends[0], ends[0].row["misfit_log"]
+    bench, goal, nearest, misfit = task.bench, task.goal, ends[0], ends[0].row["misfit_log"]
     limit = max(NEAR, 2.0 * misfit)
     units = np.vstack([nearest.points[:1], *(end.points[end.medians <= limit] for end in ends)])
-    goal, config = task.goal, bench.config(units[0], reading)
-    ours, shown = bench.measure(bench.box.values(units), reading, goal.runs), bench.space.shown(config)
-    near = np.vstack([nearest.points[:1], seen[0][seen[1] <= limit]])
+    config = bench.config(units[0], reading)
+    ours = bench.measure(bench.box.values(units), reading, goal.runs)
+    near = np.vstack([nearest.points[:1], *(points[misfits <= limit] for points, misfits in seen)])
     known = report.known_rows(bench.box, near, goal.numbers, fits=misfit <= NEAR)
-    for row in known:
-        if row["name"] in shown:
-            row["value"], row["value_unit"] = shown[row["name"]]
-    data: SearchAnswer = {
+    values = report.arm_values(config, bench.box)
+    for row in known if values else ():
+        row["value"], row["value_unit"] = values[row["name"]]
+    data: Json = {
         "name": reading.name,
         "search": case.name,
         "misfit_log": misfit,

@@ -21,9 +21,8 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import PRINTED, default_readings, parse_reading
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.shown import SHOWN
+from tendonrepro.identification.bench import Repeats, bench_of
 from tendonrepro.identification.goal import printed_numbers
-from tendonrepro.identification.misfit import Bench, Repeats
-from tendonrepro.identification.space import space_of
 from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.reporting.contents import read_shown
@@ -96,7 +95,7 @@ def test_plants_give_what_is_stored(
 def repeated(name: str, arm: dict[str, Any]) -> Repeats:
     """Repeat the runs of an arm that a search ended at under a reading."""
     loaded = load_ensemble(None)
-    bench = Bench(space_of(loaded), "whole", simulate_batch)
+    bench = bench_of(loaded)
     goal = printed_numbers(published(), loaded.compare.joints)
     assert bench.box.names == (*arm,)
     values = [

@@ -18,10 +18,9 @@ from tendonrepro.configuration.ensemble import LoadedEnsemble, load_plants
 from tendonrepro.configuration.load import load_config
 from tendonrepro.console import QUIET
 from tendonrepro.errors import TendonreproError, UsageError
+from tendonrepro.identification.bench import Bench, Simulated, bench_of
 from tendonrepro.identification.goal import own_numbers
-from tendonrepro.identification.misfit import Bench, Simulated
 from tendonrepro.identification.report import known_rows
-from tendonrepro.identification.space import ArmSpace, space_of
 from tendonrepro.results.traces import write_traces
 from tendonrepro.studies.lifecycle import carry_out
 
@@ -57,10 +56,9 @@ def loaded(compare: Path) -> LoadedEnsemble:
 
 def table(loaded: LoadedEnsemble, path: Path, runs: Sequence[str] = ("controller_1", "controller_2")) -> Path:
     """The errors of the truth, as `compare` lays them out."""
-    space = space_of(loaded)
-    bench = Bench(space, "whole", None)  # type: ignore[arg-type]
-    unit = np.array([[np.log(TRUTH.get(name, 1.0) * 1.5) / np.log(2.25) for name in space.box.names]])
-    sizes = cheap(bench, space.box.values(unit), None, runs).sizes[0]
+    bench = bench_of(loaded)
+    unit = np.array([[np.log(TRUTH.get(name, 1.0) * 1.5) / np.log(2.25) for name in bench.box.names]])
+    sizes = cheap(bench, bench.box.values(unit), None, runs).sizes[0]
     lines = [
         f"{run},{joint},{sizes[r, 0, joint - 1]:.5f},{sizes[r, 1, joint - 1]:.5f},,ok"
         for r, run in enumerate(runs)
@@ -101,8 +99,9 @@ def test_known_factors_come_back_and_the_arm_keeps_the_rest(
 
 
 def test_what_near_plants_differ_in_is_not_determined(loaded: LoadedEnsemble) -> None:
-    rows = [name in {"links.mass_1", "links.mass_2"} for name in space_of(loaded).box.names]
-    box = space_of(loaded).box.freeing(np.array(rows))
+    box = bench_of(loaded).box
+    rows = [name in {"links.mass_1", "links.mass_2"} for name in box.names]
+    box = box.freeing(np.array(rows))
     units = np.full((3, len(rows)), 0.5)
     units[1:, box.names.index("links.mass_1")] = 0.2, 0.7
     units[1:, box.names.index("links.mass_2")] = 0.45, 0.55
@@ -196,14 +195,13 @@ def test_what_cannot_be_asked(
 
 
 def test_rows_that_are_off_or_fixed_do_not_move(compare: Path) -> None:
-    space = space_of(load_plants(compare, 0.5, ["links.length=1", "winches.viscous=2"]))
-    assert isinstance(space, ArmSpace)
-    free = dict(zip(space.box.names, space.box.free, strict=True))
+    box = bench_of(load_plants(compare, 0.5, ["links.length=1", "winches.viscous=2"])).box
+    free = dict(zip(box.names, box.free, strict=True))
     assert not free["tensioner.force"]
     assert not free["links.length_1"]
     assert free["links.mass_1"]
-    unit = np.full((1, len(space.box.names)), 0.5)
-    assert dict(zip(space.box.names, space.box.values(unit)[0], strict=True))["winches.viscous"] == 2.0
+    unit = np.full((1, len(box.names)), 0.5)
+    assert dict(zip(box.names, box.values(unit)[0], strict=True))["winches.viscous"] == 2.0
 
 
 @pytest.mark.slow

@@ -17,7 +17,7 @@ from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.identification import goal
 from tendonrepro.identification import study as identify_study
-from tendonrepro.identification.misfit import Bench, Simulated
+from tendonrepro.identification.bench import Bench, Simulated
 from tendonrepro.reporting.contents import quantities
 from tendonrepro.studies.lifecycle import carry_out
 

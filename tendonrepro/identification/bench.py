@@ -1,4 +1,4 @@
-"""How far numbers of a plant are from those that are fitted."""
+"""Where a search looks, what it simulates there, and how far that is from the numbers that are fitted."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.load import CompareConfig
-from tendonrepro.configuration.models.readings import Reading
+from tendonrepro.configuration.models.readings import Reading, under
 from tendonrepro.configuration.published import METRICS
 from tendonrepro.identification.goal import Goal, Window
 from tendonrepro.identification.optimisers import Evaluated
-from tendonrepro.identification.space import Space
 from tendonrepro.monte_carlo.evaluate import Simulate, stub_of
-from tendonrepro.monte_carlo.population import Population
+from tendonrepro.monte_carlo.population import Population, holding_base, population_of
 from tendonrepro.physics.metrics import STATUSES
+from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.loop import Loop
 
 SUFFIX: Mapping[Window, str] = {"whole": "", "late": "_late", "settled": "_settled"}
@@ -29,7 +30,6 @@ SUFFIX: Mapping[Window, str] = {"whole": "", "late": "_late", "settled": "_settl
 _RINGING, _DIVERGED, _UNRESOLVED, _WORST_FIT = 10.0, 20.0, 40.0, 5.0
 # A plant's reference takes about a megabyte.
 PLANTS_AT_ONCE = 256
-
 
 MOVED = 1e-6
 """Relative size of what moves the masses of a repeat: no bench knows them as well."""
@@ -70,31 +70,30 @@ class Repeats(NamedTuple):
 
 @dataclass(frozen=True)
 class Bench:
-    """Points of the unit cube to numbers."""
+    """Points of the unit cube to numbers.
 
-    space: Space
+    The rows of the `box` are the paper's ranges, or factors on the values of an arm of one's own. Those that
+    are not searched keep what its base has.
+    """
+
+    box: Population
     window: Window
     simulate: Simulate
 
-    @property
-    def box(self) -> Population:
-        """Rows of the unit cube."""
-        return self.space.box
-
     def searching(self, rows: NDArray[np.bool_]) -> Bench:
         """With some rows (P,) free and the others held."""
-        return replace(self, space=replace(self.space, box=self.box.freeing(rows)))
+        return replace(self, box=self.box.freeing(rows))
 
     def config(self, unit: Array, reading: Reading) -> CompareConfig:
         """Of one point (P,) under a reading."""
-        return self.space.config(self.box.values(unit[np.newaxis])[0], reading)
+        values = self.box.values(unit[np.newaxis])[0]
+        return under(reading, self.box.configured(values), self.box.asked_by_readings(values))
 
     def measure(self, values: Array, reading: Reading, runs: Sequence[str]) -> Simulated:
         """Simulate values (N, P) of the rows, in batches."""
         pieces = np.split(values, range(PLANTS_AT_ONCE, len(values), PLANTS_AT_ONCE))
         found = [self._measure(piece, reading, runs) for piece in pieces]
-        sizes, status, lasted = (np.concatenate(parts) for parts in zip(*found, strict=True))
-        return Simulated(sizes, status, lasted)
+        return Simulated(*map(np.concatenate, zip(*found, strict=True)))
 
     def evaluated(self, units: Array, reading: Reading, goal: Goal) -> Evaluated:
         """Misfits of points (N, P) to a goal."""
@@ -130,9 +129,30 @@ class Bench:
     def _stubs(self, reading: Reading, runs: Sequence[str]) -> list[Loop]:
         """Short runs in which everything acts, for each branch of the code.
 
-        Code is compiled for what acts in a batch, so uniform populations need none.
+        Code is compiled for what acts in a batch, so uniform populations need none. Around an arm of one's
+        own what is off stays off, and all plants share their code.
         """
-        return [stub_of(loop) for loop in self._loops(self.box.values(self.space.acting()), reading, runs)]
+        if self.box.around:
+            return []
+        return [stub_of(loop) for loop in self._loops(self.box.values(acting(self.box)), reading, runs)]
+
+
+def bench_of(loaded: LoadedEnsemble, window: Window = "whole", simulate: Simulate = simulate_batch) -> Bench:
+    """The bench of an ensemble, or of the ranges around the arm of a comparison."""
+    return Bench(holding_base(population_of(loaded)), window, simulate)
+
+
+def acting(box: Population) -> Array:
+    """Points of the paper's ranges where all effects act, for each disturbance, with torque steps or not."""
+    disturbance, steps = (box.names.index(name) for name in ("disturbance", "torque_resolution_acts"))
+    kinds = len(box.rows[disturbance].choices)
+    # Off the middle, where a value might be exactly one.
+    units = np.full((2 * kinds, len(box.names)), 0.4142)
+    # The last of the sides of friction are the most.
+    units[:, [name.endswith("_acts") or name == "friction_sides" for name in box.names]] = 0.999
+    units[:, disturbance] = np.tile((np.arange(kinds) + 0.5) / kinds, 2)
+    units[kinds:, steps] = 0.001
+    return units
 
 
 def log_misfit(ours: Simulated, goal: Goal) -> Array:

@@ -8,15 +8,16 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import reading
 from tendonrepro.configuration.published import published
 from tendonrepro.configuration.rows import values_of
-from tendonrepro.identification.goal import printed_numbers
-from tendonrepro.identification.misfit import (
+from tendonrepro.identification.bench import (
     MOVED,
     Bench,
     Simulated,
+    acting,
+    bench_of,
     in_order,
     log_misfit,
 )
-from tendonrepro.identification.space import space_of
+from tendonrepro.identification.goal import printed_numbers
 from tendonrepro.monte_carlo.population import population_of
 
 
@@ -69,9 +70,8 @@ class TestMisfit:
 class TestBench:
     def test_everything_acts_in_the_stubs(self):
         """Else a population that agrees on a row needs code of its own, which takes a minute to compile."""
-        space = space_of(loaded())
-        box = space.box
-        found = dict(zip(box.names, box.values(space.acting()).T, strict=True))
+        box = bench_of(loaded()).box
+        found = dict(zip(box.names, box.values(acting(box)).T, strict=True))
         both = box.rows[box.names.index("friction_sides")].words.index("both")
         assert set(found["friction_sides"]) == {both}
         steps, disturbance = found.pop("torque_resolution_acts"), found["disturbance"]
@@ -86,31 +86,29 @@ class TestBench:
             batches.append(made_up(loops))
             return batches[-1]
 
-        monkeypatch.setattr("tendonrepro.identification.misfit.PLANTS_AT_ONCE", 16)
-        space = space_of(loaded())
-        bench = Bench(space, "whole", counting)
-        found = bench.measure(space.box.sample(1, 0, 0, 20), reading({}), RUNS[1:3])
+        monkeypatch.setattr("tendonrepro.identification.bench.PLANTS_AT_ONCE", 16)
+        bench = bench_of(loaded(), "whole", counting)
+        found = bench.measure(bench.box.sample(1, 0, 0, 20), reading({}), RUNS[1:3])
         assert (found.sizes.shape, found.status.shape) == ((20, 2, 2, 2), (20, 2))
-        stubs = 2 * len(space.acting())
+        stubs = 2 * len(acting(bench.box))
         assert sizes == [16 * 2 + stubs, 4 * 2 + stubs]
         in_rad = batches[0].statistics["rmse"][: 16 * 2].reshape(16, 2, 2)
         np.testing.assert_allclose(found.sizes[:16, :, 1], np.rad2deg(in_rad))
 
     def test_repeats_move_masses_by_a_millionth_and_nothing_else(self):
-        space, seen = space_of(loaded()), []
-        bench = Bench(space, "whole", made_up)
+        bench, seen = bench_of(loaded(), "whole", made_up), []
 
         class Watched(Bench):
             def measure(self, values, reading, runs):
                 seen.append(values)
                 return bench.measure(values, reading, runs)
 
-        plants = space.box.sample(1, 0, 0, 2)
-        repeats = Watched(space, "whole", made_up).repeated(plants, reading({}), PRINTED, 20, [3])
+        plants = bench.box.sample(1, 0, 0, 2)
+        repeats = Watched(bench.box, "whole", made_up).repeated(plants, reading({}), PRINTED, 20, [3])
         assert repeats.misfits.shape == repeats.ordered.shape == (2, 20)
         (values,) = seen
         before = np.repeat(plants, 20, axis=0)
-        of_masses = np.array([name.startswith("link_mass") for name in space.box.names])
+        of_masses = np.array([name.startswith("link_mass") for name in bench.box.names])
         np.testing.assert_array_equal(values[:, ~of_masses], before[:, ~of_masses])
         assert np.std(values[:, of_masses] / before[:, of_masses]) == pytest.approx(MOVED, rel=0.3)
         again = bench.repeated(plants, reading({}), PRINTED, 20, [3])
@@ -118,10 +116,9 @@ class TestBench:
         np.testing.assert_array_equal(repeats.median, np.median(repeats.misfits, axis=1))
 
     def test_held_rows_keep_their_value_to_the_last_bit(self):
-        space = space_of(loaded())
         box = population_of(loaded())
         rows = np.array([name == "winch_viscous" for name in box.names])
-        config = Bench(space, "whole", None).searching(rows).config(np.full(len(box.names), 0.9), reading({}))
+        config = bench_of(loaded()).searching(rows).config(np.full(len(box.names), 0.9), reading({}))
         draw = values_of(loaded().compare, box.named(box.nominal))
         assert config.manipulator.tensioner.force.si == draw["tensioner_force"]
         assert config.manipulator.links.mass.value[1] == draw["link_mass_2"]
