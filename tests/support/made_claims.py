@@ -2,11 +2,12 @@
 
 import numpy as np
 
+from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import PRINTED
-from tendonrepro.configuration.published import published
+from tendonrepro.configuration.published import METRICS, published
 from tendonrepro.errors import DataMissingError
-from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.judge import judge_all
+from tendonrepro.verdicts.planted import print_of
 from tendonrepro.verdicts.sensitivity import ranked
 from tendonrepro.verdicts.statements import (
     HALVED,
@@ -18,7 +19,6 @@ from tendonrepro.verdicts.statements import (
     SIZES,
 )
 
-RUNS = (*CONTROLLERS, "controller_1_payload")
 KNOWN = 3
 ERRORS_DEG = {
     "controller_1": (0.26, 0.22),
@@ -114,21 +114,8 @@ def sizes_of(signal, phase=""):
 
 def paper_of(data, plant=KNOWN):
     """What someone would have printed who measured one plant of the ensemble."""
-    values = {}
-    for metric in ("mae", "rmse"):
-        found = {run: np.rad2deg(data.statistic(run, PRINTED, metric)[plant]) for run in RUNS}
-        for i, joint in enumerate(data.joints):
-            place = f"{metric}.joint_{joint}"
-            for run in CONTROLLERS:
-                values[f"table2.{run}.{place}"] = found[run][i]
-            values[f"table3.no_load.{place}"] = found["controller_1"][i]
-            values[f"table3.with_load.{place}"] = found["controller_1_payload"][i]
-            for k in (2, 3):
-                share = 100.0 * found["controller_1"][i] / found[f"controller_{k}"][i]
-                values[f"share.controller_1_of_{k}.{place}"] = share
-            increase = 100.0 * (found["controller_1_payload"][i] / found["controller_1"][i] - 1.0)
-            values[f"increase.with_load.{place}"] = increase
-    return published().with_numbers(values)
+    errors = [[data.values[run, PRINTED, metric][plant] for metric in METRICS] for run in RUNS]
+    return print_of(published(), data.joints, np.rad2deg(errors))
 
 
 def verdicts(data, paper, *only):

@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 from support.command import answer
 from support.measured_synthetic import LOADED, measured_trace
@@ -14,14 +13,11 @@ from support.synthetic import make_compare_file, make_decouple_file
 import tendonrepro as tr
 from tendonrepro.configuration.any_kind import init_arm
 from tendonrepro.configuration.load import load_config
-from tendonrepro.console import QUIET
 from tendonrepro.dataset.windows import PrintedTables, Tried
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.experiments.run import begin_all, prepared, trace_file
 from tendonrepro.files import sha256_of
 from tendonrepro.results import paper_tables
 from tendonrepro.results.records import PlantRecord
-from tendonrepro.results.store import make_manifest
 from tendonrepro.results.traces import read_traces, write_traces
 from tendonrepro.validation.report import measured_tables, table_data
 
@@ -81,23 +77,17 @@ def test_measured_tables_hold_what_was_measured_beside_the_print():
 @pytest.fixture(scope="module", name="shipped")
 def _shipped(tmp_path_factory):
     """SYNTHETIC: the model's own traces on a short reference, stored as if measured."""
-    loaded = load_config("plain", "compare", overrides=SHORT, controllers=[1, 2])
-    (traces,) = begin_all([prepared(loaded)], QUIET)
-    file = trace_file(loaded, traces, make_manifest(loaded, 0.0))
-    kept = ("q_encoder", "q_d", "e", "s", "H_hat", "tau_m")
+    file = tr.compare("plain", set=SHORT, controllers=[1, 2]).traces
     runs = {}
-    for trace in traces:
+    for name, trace in file.runs.items():
         bare = measured_trace(trace)
-        variables = {name: trace[name] for name in kept}
+        variables = {key: trace[key] for key in ("q_encoder", "q_d", "e", "s", "H_hat", "tau_m")}
         attributes = dict(bare.attributes) | {"reference_period": 0.0}
-        runs[trace.name] = replace(bare, time=trace.time + 2.0, variables=variables, attributes=attributes)
+        runs[name] = replace(bare, time=trace.time + 2.0, variables=variables, attributes=attributes)
     plant = PlantRecord({name: file.plant.values[name] for name in ("S", "S_inv")}, {})
     manifest = {"inputs": [INPUT], "guesses": ["unit of e", "joint order"]}
     path = tmp_path_factory.mktemp("measured") / "SYNTHETIC.h5"
-    write_traces(
-        path,
-        replace(file, source="measured", title="SYNTHETIC", runs=runs, plant=plant, manifest=manifest),
-    )
+    write_traces(path, replace(file, source="measured", runs=runs, plant=plant, manifest=manifest))
     return path
 
 
@@ -158,17 +148,10 @@ class TestValidate:
         assert set(read_traces(out / "simulated_compare.h5").runs) == {"controller_1", "controller_2", LOADED}
 
     def test_a_plan_is_known_by_its_configuration_and_file(self, shipped, tmp_path):
-        file = read_traces(shipped)
-        write_traces(tmp_path / "SYNTHETIC.h5", replace(file, runs=dict([*file.runs.items()][:1])))
-        words = ("--config", "plain", "--out", str(tmp_path / "out"), "--dry-run")
-        plans = [
-            answer("validate", str(path), *words, *more, cwd=tmp_path)
-            for path, more in (
-                (shipped, ()),
-                (shipped, ("--set", "manipulator.gravity=9.8")),
-                (tmp_path / "SYNTHETIC.h5", ()),
-            )
-        ]
+        other = stored_run(tmp_path, read_traces(shipped), "q_d", "e")
+        words = ("--config", "plain", "--out", "out", "--dry-run")
+        asked = ((shipped,), (other,), (shipped, "--set", "manipulator.gravity=9.8"))
+        plans = [answer("validate", *map(str, each), *words, cwd=tmp_path) for each in asked]
         assert len({plan["config_sha256"] for plan in plans}) == 3
         assert not (tmp_path / "out").exists()
 
@@ -214,6 +197,10 @@ def test_the_decoupling_run_is_rerun_on_its_motors(tmp_path):
     assert claims["C1"] == "not_testable"
 
 
+OWN = PlantRecord({}, {"arm": "one with 4 joints"})
+"""What `ingest` knows of the plant of such a file."""
+
+
 @pytest.fixture(scope="module", name="config")
 def _config(tmp_path_factory):
     folder = tmp_path_factory.mktemp("mine")
@@ -225,17 +212,9 @@ def _config(tmp_path_factory):
 
 @pytest.fixture(scope="module", name="own")
 def _own(config):
-    loaded = load_config(config, "compare", overrides=SHORT, controllers=[1])
-    (traces,) = begin_all([prepared(loaded)], QUIET)
-    table = {"t (s)": traces[0].time}
-    for k, joint in enumerate(traces[0].joint):
-        table[f"q{joint}_d (deg)"] = np.rad2deg(traces[0]["q_d"][:, k])
-        table[f"q{joint} (deg)"] = np.rad2deg(traces[0]["q_encoder"][:, k])
-    folder = config.parent
-    pd.DataFrame(table).to_csv(folder / "controller_1.csv", index=False)
-    answer("data", "inspect", "controller_1.csv", "--mapping", "m.yaml", cwd=folder)
-    answer("ingest", "controller_1.csv", "--mapping", "m.yaml", "--confirm", "--out", "o.h5", cwd=folder)
-    return tr.validate(folder / "o.h5", config, set=SHORT, out=folder / "out", figures=False).data
+    file = tr.compare(config, set=SHORT, controllers=[1]).traces
+    path = stored_run(config.parent, replace(file, source="measured", plant=OWN), "q_d", "q_encoder", "e")
+    return tr.validate(path, config, set=SHORT, out=config.parent / "out", figures=False).data
 
 
 class TestAnArmOfOnesOwn:
@@ -258,7 +237,7 @@ class TestAnArmOfOnesOwn:
     @pytest.mark.usefixtures("own")
     def test_its_joints_are_none_of_the_paper_s_arm(self, config):
         with pytest.raises(UsageError, match="joints up to 4"):
-            tr.validate(config.with_name("o.h5"))
+            tr.validate(config.with_name("SYNTHETIC.h5"))
 
     def test_its_motors_are_laid_beside_its_own_coupling(self, config, tmp_path):
         words = ("--config", str(config.with_name("decouple.yaml")), "--no-figures", "--out", "simulated")
@@ -268,8 +247,7 @@ class TestAnArmOfOnesOwn:
         # What ingest knows and calculates is of the paper's arm.
         variables = {**runs["decouple"].variables, "q_calculated": runs["decouple"]["q_motor_encoder"]}
         runs["decouple"] = replace(runs["decouple"], variables=variables)
-        plant = PlantRecord({}, {"arm": "one with 4 joints"})
-        write_traces(tmp_path / "o.h5", replace(file, source="measured", runs=runs, plant=plant))
+        write_traces(tmp_path / "o.h5", replace(file, source="measured", runs=runs, plant=OWN))
         found = tr.validate(
             tmp_path / "o.h5", config.with_name("decouple.yaml"), out=tmp_path / "out", figures=False
         ).data

@@ -104,7 +104,6 @@ class TestComparison:
             ("C3", NO_MOTION, ".*q_d"),
             ("P1", {"diverged": {LOADED: 7.0}}, f".*a run of {LOADED} that is ok.*"),
             ("C4", {"runs": RUNS[:2]}, "a measured run controller_3"),
-            ("P1", {"runs": RUNS[:2]}, f".*{LOADED}"),
             # The row without load is Controller 1.
             ("table3.no_load.mae.joint_2", {"runs": RUNS[1:2]}, NO_ERRORS),
             ("share.controller_1_of_2.mae.joint_2", {"runs": RUNS[1:2]}, NO_ERRORS),
@@ -134,12 +133,10 @@ class TestComparison:
         assert all(one.verdict == two[name].verdict for name, one in three.items())
         assert three["C5"].evidence["statements"] == two["C5"].evidence["statements"]
 
-    @pytest.mark.parametrize(
-        ("claim", "joint"), [("C1", 2), ("C2", 3), ("C3", 2), ("C4", 3), ("C5", 2), ("C6", 3), ("P1", 2)]
-    )
+    @pytest.mark.parametrize(("claim", "joint"), [("C1", 2), ("C2", 3), ("C4", 3), ("C6", 3), ("P1", 2)])
     def test_a_joint_that_was_not_recorded_is_no_failure(self, claim, joint):
         """All compare numbers, and what is missing is smaller than none."""
-        variable = {"C4": "s", "C5": "H_hat", "C6": "tau_m"}.get(claim, "e")
+        variable = {"C4": "s", "C6": "tau_m"}.get(claim, "e")
         file = comparison(GROWING)
         name = LOADED if claim == "P1" else "controller_2"
         gone = file.runs[name][variable].copy()

@@ -26,11 +26,6 @@ class TestKnownIndices:
         assert max(index(ranking, "b"), index(ranking, "d")) < ranking["noise_floor"] < 0.06
         assert ranking["unexplained"] < 0.05
 
-    def test_together_is_not_alone(self, draws):
-        ranking = ranking_of(draws, (draws[:, 0] > 0.5) ^ (draws[:, 1] > 0.5))
-        assert ranking["unexplained"] > 0.9
-        assert ranking["rows"][0]["index"] < 0.1
-
 
 @pytest.mark.parametrize("plants", [101, 400])
 def test_indices_and_intervals_are_those_of_salib(draws, plants):
