@@ -18,7 +18,7 @@ from tendonrepro.configuration.models.control import LOADED
 from tendonrepro.configuration.strict_model import Model, Number
 from tendonrepro.configuration.strict_yaml import load, read_text
 from tendonrepro.files import shipped
-from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
+from tendonrepro.physics.drive import coupling_inverse, coupling_matrix
 
 Interval: TypeAlias = tuple[Fraction, Fraction]
 """Lower and upper end, both included."""

@@ -15,13 +15,12 @@ from tendonrepro.configuration.load import Config
 from tendonrepro.configuration.models.manipulator import DryFriction, EncoderConfig
 from tendonrepro.configuration.quantity import UNITS, Matrix, Physical, Scalar, Vector
 from tendonrepro.configuration.strict_model import Model
-from tendonrepro.physics import disturbance
+from tendonrepro.physics import loads
 from tendonrepro.physics.arm import Arm, make_arm
-from tendonrepro.physics.drive import Drive
+from tendonrepro.physics.drive import Drive, coupling_inverse, coupling_matrix, to_joint_matrix
 from tendonrepro.physics.dynamics import Plant
-from tendonrepro.physics.friction import Friction
 from tendonrepro.physics.instruments import Actuator, Encoder
-from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix, to_joint_matrix
+from tendonrepro.physics.loads import Friction
 from tendonrepro.physics.statics import tensioner_side, tensioner_torque
 from tendonrepro.results.records import PlantRecord, PlantValue
 
@@ -90,20 +89,20 @@ def build_preload(config: Config) -> Array:
     return tensioner_torque(tensioner.force.si, side, tensioner.diameter.si)[-n:]
 
 
-def build_disturbance(config: Config) -> disturbance.Disturbance:
+def build_disturbance(config: Config) -> loads.Disturbance:
     """Disturbance torque of Eq. (4), the same for every run."""
     choice = config.disturbance
     match choice.kind:
         case "none":
-            return disturbance.no_disturbance(len(config.joints))
+            return loads.no_disturbance(len(config.joints))
         case "step":
-            return disturbance.step_disturbance(choice.torque.si, choice.start.si)
+            return loads.step_disturbance(choice.torque.si, choice.start.si)
         case "sine":
-            return disturbance.sine_disturbance(choice.torque.si, choice.frequency.si)
+            return loads.sine_disturbance(choice.torque.si, choice.frequency.si)
         case "noise":
             rng = np.random.default_rng([int(config.seed.si), DISTURBANCE_STREAM])
             components = int(choice.components.si)
-            return disturbance.noise_disturbance(choice.torque.si, choice.band.si, components, rng)
+            return loads.noise_disturbance(choice.torque.si, choice.band.si, components, rng)
 
 
 def build_plant(config: Config, payload_mass: float, friction_scale: float = 1.0) -> Plant:

@@ -11,19 +11,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tendonrepro.arrays import Array, choose, pick
-from tendonrepro.physics.linalg import times
+from tendonrepro.arrays import Array, choose, pick, times
 
 ANGLES_BACK, TORQUES_BACK = 3, 2
 """How many delay times back Eqs. (15) and (16) reach; their second difference is the first of a delay ago."""
 
 DEGREES_PER_RADIAN = 180.0 / np.pi
 
-ERROR_SIZES_DEG = (0.05, 0.25, 1.0, 5.0)
-"""Sizes of the error at which the ratio of two laws is given."""
-
 TYPICAL_ERROR_DEG = 0.25
-"""The one of these that is nearest to the printed mean errors of both joints."""
+"""Size of the error at which the ratio of two laws is given: near the printed mean errors of both joints."""
 
 
 class Surface(IntEnum):
@@ -40,7 +36,9 @@ class Surface(IntEnum):
 class Law(NamedTuple):
     """Gains and readings of one law; arrays are (n,), an entry per moving joint.
 
-    Defaults are as published, but for the odd polynomial and the ``eta`` kept in Controller 2.
+    Defaults are as published, but for the odd polynomial and the ``eta`` kept in Controller 2. What is
+    a whole number or a truth chooses by `choose` or `pick`, not by a branch, so that experiments side by side
+    may differ in it; of surfaces only in NTSM and TSM.
 
     Attributes
     ----------
@@ -111,20 +109,6 @@ class Law(NamedTuple):
     stores_applied: bool = False
     motor_side: bool = False
     feed_forward: float = 1.0
-
-
-SIDE_BY_SIDE = (
-    "surface",
-    "lag",
-    "newest",
-    "phi_is_odd",
-    "power_inside",
-    "error_differenced",
-    "stores_applied",
-    "motor_side",
-)
-"""Fields of `Law` that choose by :func:`choose` or :func:`pick`, not by a branch, so that experiments side by
-side may differ in them; of surfaces only NTSM and TSM."""
 
 
 class Memory(NamedTuple):

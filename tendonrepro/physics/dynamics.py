@@ -6,9 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tendonrepro.arrays import Array
+from tendonrepro.arrays import Array, solve_positive_definite
 from tendonrepro.physics.arm import Arm, bias_torque, gravity_torque, mass_matrix
-from tendonrepro.physics.disturbance import Disturbance, disturbance_torque
 from tendonrepro.physics.drive import (
     Drive,
     lever,
@@ -19,8 +18,13 @@ from tendonrepro.physics.drive import (
     to_joint_torque,
     to_winch_torque,
 )
-from tendonrepro.physics.friction import Friction, friction_torque, without_dry_friction
-from tendonrepro.physics.linalg import solve_positive_definite
+from tendonrepro.physics.loads import (
+    Disturbance,
+    Friction,
+    disturbance_torque,
+    friction_torque,
+    without_dry_friction,
+)
 
 
 class Plant(NamedTuple):

@@ -6,8 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tendonrepro.arrays import Array, choose
-from tendonrepro.physics.linalg import times
+from tendonrepro.arrays import Array, choose, times
 
 
 class Encoder(NamedTuple):

@@ -22,8 +22,8 @@ from tendonrepro.physics.control import (
     remember,
     time_delay_estimate,
 )
+from tendonrepro.physics.drive import to_joint_matrix
 from tendonrepro.physics.dynamics import Plant
-from tendonrepro.physics.kinematics import to_joint_matrix
 
 Complex = NDArray[np.complex128]
 

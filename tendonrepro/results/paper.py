@@ -32,7 +32,7 @@ from tendonrepro.configuration.published import (
 from tendonrepro.configuration.strict_yaml import Tree, load
 from tendonrepro.console import count_of
 from tendonrepro.files import read_json, shipped
-from tendonrepro.physics.kinematics import coupling_inverse
+from tendonrepro.physics.drive import coupling_inverse
 from tendonrepro.results.records import Trace, TraceFile
 
 _IDENTIFIED = ("identified: Tables 2 and 3, misfit", "identified: Controller 2 of Table 2, misfit")

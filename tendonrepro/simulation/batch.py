@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import TendonreproError
-from tendonrepro.physics.control import SIDE_BY_SIDE, Surface
+from tendonrepro.physics.control import Law, Surface
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen.lanes import bundled, columns
@@ -137,11 +137,9 @@ def _alike(ready: Sequence[PreparedLoop]) -> Iterable[dict[int, PreparedLoop]]:
 
 def _branches(loop: Loop) -> Hashable:
     """What code depends on, besides what all loops have in common."""
-    law = loop.controller.law._asdict()
-    choices = [value for name, value in law.items() if isinstance(value, int) and name not in SIDE_BY_SIDE]
-    linear = law.get("surface") == Surface.PD
-    parts = loop.plant.disturbance.omega.size
-    return parts, type(loop.controller), loop.controller.command, linear, *choices
+    law = loop.controller.law
+    linear = isinstance(law, Law) and law.surface == Surface.PD
+    return loop.plant.disturbance.omega.size, loop.controller.command, linear
 
 
 def _packs(

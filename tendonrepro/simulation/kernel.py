@@ -12,11 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tendonrepro.arrays import Array, Numeric, choose
+from tendonrepro.arrays import Array, Numeric, choose, times
 from tendonrepro.physics import control
 from tendonrepro.physics.control import Law, Memory, Servo
 from tendonrepro.physics.dynamics import Plant, state_derivative
-from tendonrepro.physics.linalg import times
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen import machine
 from tendonrepro.simulation.codegen.lanes import (

@@ -8,13 +8,12 @@ from typing import ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from tendonrepro.arrays import Array, Numeric, choose, pick
+from tendonrepro.arrays import Array, Numeric, choose, pick, times
 from tendonrepro.physics import control
 from tendonrepro.physics.control import Law, Memory, Servo, servo_torque, start_memory
 from tendonrepro.physics.drive import tendon_torque, to_joint_torque
 from tendonrepro.physics.dynamics import Plant, holding_torque, link_acceleration, rest_state
 from tendonrepro.physics.instruments import Actuator, Encoder, applied_torque, quantise
-from tendonrepro.physics.linalg import times
 from tendonrepro.physics.trajectory import late
 
 LINES_PER_RINGING = 32

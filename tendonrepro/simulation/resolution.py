@@ -9,10 +9,9 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonrepro.arrays import Array, Numeric, choose
+from tendonrepro.arrays import Array, Numeric, choose, times
 from tendonrepro.physics.drive import to_winch_angle
 from tendonrepro.physics.dynamics import Plant, both_ways, holding_torque, rest_state, state_derivative
-from tendonrepro.physics.linalg import times
 from tendonrepro.simulation.codegen.lanes import mapped, part_of, stacked
 from tendonrepro.simulation.loop import Loop, Rest, rest_at
 from tendonrepro.simulation.streaming import peak

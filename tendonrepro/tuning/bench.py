@@ -18,8 +18,8 @@ from tendonrepro.experiments.loops import Once, build_law, run_loop
 from tendonrepro.experiments.rig import build_plant, start_angles
 from tendonrepro.physics.arm import bias_torque, mass_matrix
 from tendonrepro.physics.control import Law
+from tendonrepro.physics.drive import to_joint_matrix
 from tendonrepro.physics.dynamics import Plant, load_at_rest
-from tendonrepro.physics.kinematics import to_joint_matrix
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.physics.trajectory import Motion, minimum_jerk, motion, smooth_sine
 from tendonrepro.results.summary import CONTROLLERS

@@ -12,11 +12,10 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from tendonrepro.arrays import Array, choose
+from tendonrepro.arrays import Array, choose, times
 from tendonrepro.errors import UsageError, did_you_mean
 from tendonrepro.experiments.user_law import UserLaw, lane_function
 from tendonrepro.physics.control import Law, Memory, Surface, error_rate, estimator_weights, polynomial
-from tendonrepro.physics.linalg import times
 from tendonrepro.simulation.loop import CommandFunction
 
 

@@ -22,7 +22,7 @@ from tendonrepro.evidence.recover_report import controllers_of
 from tendonrepro.experiments.run import begin_all, prepared, trace_file
 from tendonrepro.files import Json, write_atomically
 from tendonrepro.parallel import workers
-from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
+from tendonrepro.physics.drive import coupling_inverse, coupling_matrix
 from tendonrepro.physics.metrics import mean
 from tendonrepro.results.paper import is_arm_of_paper, of_paper
 from tendonrepro.results.records import READ_OFF, PlantRecord, PlantValue, Trace, TraceFile, median_step

@@ -26,7 +26,7 @@ from tendonrepro.configuration.published import (
     table_1,
 )
 from tendonrepro.physics.control import polynomial
-from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
+from tendonrepro.physics.drive import coupling_inverse, coupling_matrix
 from tendonrepro.results.summary import LOADS
 from tendonrepro.verdicts.rules import Bounds, Evidence, Ruling, Rulings, meets, of_arithmetic, of_model
 

@@ -17,8 +17,8 @@ from tendonrepro.configuration.load import load_config
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.loops import build_loops, run_views
 from tendonrepro.files import to_json
-from tendonrepro.physics.disturbance import sine_disturbance
 from tendonrepro.physics.linear_loop import decay_rate, loop_matrix
+from tendonrepro.physics.loads import sine_disturbance
 from tendonrepro.simulation.loop import DesiredMotion
 from tendonrepro.simulation.stepper import simulate
 

@@ -6,8 +6,8 @@ from support.overrides import on_plain_arm, quantity
 
 from tendonrepro.experiments import rig
 from tendonrepro.physics.arm import bias_torque, mass_matrix
-from tendonrepro.physics.disturbance import disturbance_torque
-from tendonrepro.physics.kinematics import to_joint_matrix
+from tendonrepro.physics.drive import to_joint_matrix
+from tendonrepro.physics.loads import disturbance_torque
 
 
 def config_of(experiment, *overrides):

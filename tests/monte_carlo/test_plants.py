@@ -20,9 +20,9 @@ from tendonrepro.experiments.rig import build_plant
 from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.monte_carlo.plan import EnsembleStudy
 from tendonrepro.monte_carlo.population import Population
-from tendonrepro.physics.disturbance import no_disturbance
 from tendonrepro.physics.dynamics import frictionless, holding_torque, rest_state, state_derivative
 from tendonrepro.physics.linear_loop import plant_matrices
+from tendonrepro.physics.loads import no_disturbance
 
 
 @cache

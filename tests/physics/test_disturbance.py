@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tendonrepro.physics.disturbance import (
+from tendonrepro.physics.loads import (
     Disturbance,
     disturbance_torque,
     noise_disturbance,

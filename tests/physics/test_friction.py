@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.oracles import FEATURES, friction_by_formula, random_friction
 
-from tendonrepro.physics.friction import Friction, friction_torque
+from tendonrepro.physics.loads import Friction, friction_torque
 
 velocities = st.floats(-1e3, 1e3)
 seeds = st.integers(0, 2**32 - 1)

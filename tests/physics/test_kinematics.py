@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from support.oracles import TABLE_1, Routing, random_routing, rope_used
 
-from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
+from tendonrepro.physics.drive import coupling_inverse, coupling_matrix
 
 Array = NDArray[np.float64]
 

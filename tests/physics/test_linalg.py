@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from tendonrepro.physics.linalg import solve_positive_definite, times
+from tendonrepro.arrays import solve_positive_definite, times
 
 Array = NDArray[np.float64]
 

@@ -20,10 +20,8 @@ from tendonrepro.physics.control import (
     start_memory,
     surface_and_feedback,
 )
-from tendonrepro.physics.disturbance import no_disturbance
 from tendonrepro.physics.drive import Drive
 from tendonrepro.physics.dynamics import Plant, frictionless, holding_torque, rest_state, state_derivative
-from tendonrepro.physics.friction import Friction
 from tendonrepro.physics.instruments import Actuator, Encoder
 from tendonrepro.physics.linear_loop import (
     decay_rate,
@@ -37,6 +35,7 @@ from tendonrepro.physics.linear_loop import (
     stroke,
     without_unread,
 )
+from tendonrepro.physics.loads import Friction, no_disturbance
 from tendonrepro.simulation.loop import DesiredMotion, Loop, Solver, TimeDelayController
 from tendonrepro.simulation.stepper import simulate
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.oracles import TABLE_1, coupling_by_columns, random_routing, rope_used
 
-from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
+from tendonrepro.physics.drive import coupling_inverse, coupling_matrix
 from tendonrepro.physics.statics import (
     TENSIONER_SIDES,
     Spring,

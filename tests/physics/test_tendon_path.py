@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from support.oracles import path_length, random_routing, rope_used
 
-from tendonrepro.physics.statics import sign_of_side
-from tendonrepro.physics.tendon_path import joint_positions, path_points, tendon_path
+from tendonrepro.physics.statics import joint_positions, path_points, sign_of_side, tendon_path
 
 WINCH = np.array([0.3, -0.4])
 

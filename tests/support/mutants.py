@@ -15,7 +15,9 @@ def outcomes() -> list[tuple[str, str, str]]:
     """Module, function with the number of its mutant, and outcome, of all mutants that were tried."""
     mutmut = Path(sys.executable).with_name("mutmut")
     listing = subprocess.run([mutmut, "results", "--all", "true"], capture_output=True, text=True, check=True)
-    return re.findall(r"^\s*tendonrepro\.physics\.(\w+)\.(\S+): (?!not checked)(.+)$", listing.stdout, re.M)
+    return re.findall(
+        r"^\s*tendonrepro\.(?:physics\.)?(\w+)\.(\S+): (?!not checked)(.+)$", listing.stdout, re.M
+    )
 
 
 def report(results: list[tuple[str, str, str]]) -> str:

@@ -15,12 +15,10 @@ import sympy
 from numpy.typing import NDArray
 
 from tendonrepro.physics.arm import Arm, make_arm
-from tendonrepro.physics.disturbance import Disturbance, no_disturbance, step_disturbance
-from tendonrepro.physics.drive import Drive
+from tendonrepro.physics.drive import Drive, coupling_inverse, coupling_matrix
 from tendonrepro.physics.dynamics import Plant
-from tendonrepro.physics.friction import Friction
-from tendonrepro.physics.kinematics import coupling_inverse, coupling_matrix
-from tendonrepro.physics.tendon_path import TendonPath
+from tendonrepro.physics.loads import Disturbance, Friction, no_disturbance, step_disturbance
+from tendonrepro.physics.statics import TendonPath
 
 Array = NDArray[np.float64]
 

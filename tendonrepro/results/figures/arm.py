@@ -21,8 +21,14 @@ from tendonrepro.arrays import Array
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import Json, atomic_path, refuse_existing
-from tendonrepro.physics.statics import sign_of_side, tensioner_side
-from tendonrepro.physics.tendon_path import TendonPath, joint_positions, path_points, tendon_path
+from tendonrepro.physics.statics import (
+    TendonPath,
+    joint_positions,
+    path_points,
+    sign_of_side,
+    tendon_path,
+    tensioner_side,
+)
 from tendonrepro.results.figures.panels import thin
 from tendonrepro.results.figures.style import (
     PAGE_MM,

@@ -13,7 +13,7 @@ from matplotlib.ticker import MultipleLocator
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import FIRST, SECOND
 from tendonrepro.physics.metrics import mae, max_abs, rmse, window_mean
-from tendonrepro.physics.tendon_path import path_points
+from tendonrepro.physics.statics import path_points
 from tendonrepro.results.figures.arm import (
     draw_discs,
     draw_links,
