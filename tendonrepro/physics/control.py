@@ -7,7 +7,7 @@ Every law is ``tau_m = M_bar u + H_hat`` (Eq. 17). Laws differ in the surface th
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -111,6 +111,9 @@ class Law(NamedTuple):
     feed_forward: float = 1.0
 
 
+Kind = TypeVar("Kind", bound="Memory | ServoMemory")
+
+
 class Memory(NamedTuple):
     """What the law remembers between two samples, the newest first.
 
@@ -154,12 +157,11 @@ def start_memory(q: Array, tau: Array, lag: int = 1, q_d: Array | None = None) -
     )
 
 
-def packed_memory(values: Array, n: int, lag: int) -> Memory:
-    """Memory of n joints from all its numbers in order, ``((6 lag + 3) n, ...)``."""
-    shapes = [part.shape for part in start_memory(np.zeros(n), np.zeros(n), lag)]
-    parts = np.split(values, np.cumsum([np.prod(shape) for shape in shapes])[:-1])
-    lanes = values.shape[1:]
-    return Memory(*(part.reshape(shape + lanes) for part, shape in zip(parts, shapes, strict=True)))
+def unpacked(values: Array, example: Kind) -> Kind:
+    """Memory shaped as an example, from all its numbers in order, (numbers, ...)."""
+    parts = np.split(values, np.cumsum([part.size for part in example])[:-1])
+    shaped = (part.reshape(like.shape + part.shape[1:]) for part, like in zip(parts, example, strict=True))
+    return type(example)(*shaped)
 
 
 def remember(memory: Memory, q: Array, q_d: Array, de: Array, H_hat: Array, tau: Array, law: Law) -> Memory:
@@ -346,6 +348,13 @@ class Servo(NamedTuple):
     damping: Array
     S_inv: Array
     L: float
+
+
+class ServoMemory(NamedTuple):
+    """Motor encoder values one sample ago, rad, and the torque that held the arm at the start, N m, (n,)."""
+
+    q_motor: Array
+    tau: Array
 
 
 def servo_torque(q_motor: Array, q_motor_before: Array, q_d: Array, dq_d: Array, servo: Servo) -> Array:

@@ -17,10 +17,11 @@ from tendonrepro.physics.control import (
     Law,
     Surface,
     error_rate,
-    packed_memory,
     phi_slope,
     remember,
+    start_memory,
     time_delay_estimate,
+    unpacked,
 )
 from tendonrepro.physics.drive import to_joint_matrix
 from tendonrepro.physics.dynamics import Plant
@@ -44,14 +45,8 @@ def plant_matrices(q: Array, plant: Plant) -> tuple[Array, Array]:
     zero, one = np.zeros((n, n)), np.eye(n)
     springs = np.hstack([K_s + gravity_stiffness(q, plant), D_s, -K_s, -D_s])
     tendons = np.hstack([K_s, D_s, -K_s, -(D_s + D_m)])
-    A = np.vstack(
-        [
-            np.hstack([zero, one, zero, zero]),
-            -np.linalg.solve(M, springs),
-            np.hstack([zero, zero, zero, one]),
-            np.linalg.solve(I, tendons),
-        ]
-    )
+    links, motors = -np.linalg.solve(M, springs), np.linalg.solve(I, tendons)
+    A = np.block([[zero, one, zero, zero], [links], [zero, zero, zero, one], [motors]])
     return A, np.vstack([zero, zero, zero, np.linalg.inv(I)])
 
 
@@ -97,7 +92,7 @@ def law_matrices(law: Law, delay: int = 0, *, driven: bool = False) -> tuple[Arr
     z = np.eye(m, width)
     q, still = z[2 * n : 3 * n] if law.motor_side else z[:n], np.zeros((n, width))
     q_d, dq_d, ddq_d = np.eye(width)[m:].reshape(3, n, width) if driven else (still, still, still)
-    memory = packed_memory(z[4 * n : end], n, law.lag)
+    memory = unpacked(z[4 * n : end], start_memory(np.zeros(n), np.zeros(n), law.lag))
     de, H_hat = error_rate(memory, q, q_d, dq_d, law), time_delay_estimate(memory, q, law)
     fed, on_error, on_rate = (
         (law.M_bar * gain)[:, np.newaxis] for gain in (law.feed_forward, *feedback_gains(law))

@@ -14,7 +14,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array, Numeric, choose, times
 from tendonrepro.physics import control
-from tendonrepro.physics.control import Law, Memory, Servo
+from tendonrepro.physics.control import Law, Servo, unpacked
 from tendonrepro.physics.dynamics import Plant, state_derivative
 from tendonrepro.simulation import streaming
 from tendonrepro.simulation.codegen import machine
@@ -24,17 +24,15 @@ from tendonrepro.simulation.codegen.lanes import (
     Written,
     bundled,
     columns,
-    lane_code,
     remembered,
     stacked,
 )
 from tendonrepro.simulation.codegen.machine import LANES
-from tendonrepro.simulation.codegen.symbols import Symbol, as_operand
+from tendonrepro.simulation.codegen.symbols import Symbol
 from tendonrepro.simulation.loop import (
     CommandFunction,
     Hardware,
     Loop,
-    Remembered,
     Rest,
     SampledState,
     Three,
@@ -57,41 +55,12 @@ class LawNumbers(NamedTuple):
     block: Array
 
 
-class Writer:
-    """What a tape reads from rows, and what is written to them."""
-
-    def __init__(self, rows: LaneRows) -> None:
-        self.tape, self.rows = LaneTape(), rows
-        self.written: dict[int, Numeric] = {}
-
-    def read(self, name: str, size: int) -> Array:
-        """Rows of a name, as they are now."""
-        before = self.rows.variables(self.tape, name, size)
-        now = [self.written.get(row, x) for row, x in zip(self.rows.known(name, size), before, strict=True)]
-        values = np.empty(size, dtype=object)
-        values[:] = now
-        return values
-
-    def number(self, name: str) -> Numeric:
-        """The only row of a name."""
-        value: Numeric = self.read(name, 1)[0]
-        return value
-
-    def write(self, name: str, values: Array | Sequence[Numeric]) -> None:
-        """New values of the rows of a name."""
-        self.written.update(zip(self.rows.known(name, len(values)), values, strict=True))
-
-    def source(self, name: str) -> str:
-        """Source of ``<name>`` and ``prepare``."""
-        return lane_code(name, self.tape, self.written, self.rows)
-
-
 def experiment_rows(n: int) -> LaneRows:
     """Rows of every experiment, which come first: the same for all laws, so plants share their code."""
     rows = LaneRows()
     sizes = {"state": 4 * n, "torque": n, "ddq": n, "live": 1, "desired": 3 * n, "noise": 3 * n}
     for name, size in sizes.items():
-        rows.take(name, size)
+        rows.known(name, size)
     return rows
 
 
@@ -101,16 +70,9 @@ def experiment_code(numbers: tuple[Plant, LawNumbers], record: bool, command: Co
     plant, law = numbers
     moved, rows = advance_code(plant)
     # The rows of the law follow those of the plant, which other laws share.
-    code = Writer(replace(rows, named={**rows.named}))
+    code = LaneTape(replace(rows, named={**rows.named}))
     write_sample(code, law, command, statistics=True, record=record)
     return {**moved, "sample": code.source("sample")}, code.rows
-
-
-@remembered
-def advance_code(plant: Plant) -> Written:
-    """Source of ``advance``, and the rows of plants."""
-    rows = experiment_rows(plant.preload.shape[0])
-    return {"advance": advance_source(plant, rows)}, rows
 
 
 @remembered
@@ -120,22 +82,27 @@ def single_code(numbers: tuple[Plant] | tuple[Plant, LawNumbers], command: Comma
     ``slope`` gives SciPy the derivative at a time and a state, an array of its own.
     """
     plant, *laws = numbers
-    n, code = plant.preload.shape[0], Writer(experiment_rows(plant.preload.shape[0]))
-    x = code.rows.parameters(code.tape, plant)
-    t: Any = code.tape.write("time")
-    code.write("slope", state_derivative(t, code.read("state", 4 * n), code.read("torque", n), x))
-    named = code.rows.named
-    outer = machine.on_array_code("slope", "derivative", named["state"], named["slope"], 4 * n)
+    n, rows = plant.preload.shape[0], experiment_rows(plant.preload.shape[0])
+    code = LaneTape(rows)
+    x, t = code.symbols(plant), _time(code)
+    code.leave("slope", state_derivative(t, code.read("state", 4 * n), code.read("torque", n), x))
+    outer = machine.on_array_code("slope", "derivative", rows.named["state"], rows.named["slope"], 4 * n)
     sources = {"slope": code.source("derivative") + outer}
     for law in laws:
-        sampling = Writer(code.rows)
+        sampling = LaneTape(rows)
         write_sample(sampling, law, command, statistics=False, record=True)
         sources["sample"] = sampling.source("sample")
-    return sources, code.rows
+    return sources, rows
 
 
-def advance_source(plant: Plant, rows: LaneRows) -> str:
-    """Source of ``advance``: plants from a sample at a time to the next one, torque held.
+def _time(code: LaneTape) -> Any:
+    """A symbol where the physics says that a time is a float."""
+    return code.write("time")
+
+
+@remembered
+def advance_code(plant: Plant) -> Written:
+    """Source of ``advance``, plants from a sample at a time to the next one, torque held; and its rows.
 
     A beginning is followed by steps while row ``left`` is positive. Rows ``steps`` and ``length`` hold number
     and length, s, of steps at each level of demand. A period begins with the level that the last one met.
@@ -143,24 +110,24 @@ def advance_source(plant: Plant, rows: LaneRows) -> str:
     of plants), so it goes back to the period's start. That costs 2 % of the ensemble's time. Row ``ddq``
     receives the acceleration at the start.
     """
-    n, begin, step = plant.preload.shape[0], Writer(rows), Writer(rows)
+    n, rows = plant.preload.shape[0], experiment_rows(plant.preload.shape[0])
+    begin, step = LaneTape(rows), LaneTape(rows)
 
-    def of_level(code: Writer, name: str, level: Numeric) -> Numeric:
+    def of_level(code: LaneTape, name: str, level: Numeric) -> Numeric:
         cells: Sequence[Numeric] = [*code.read(name, len(PACES))]
         return choose(level >= 2.0, cells[2], choose(level >= 1.0, cells[1], cells[0]))
 
     live, most = begin.number("live"), begin.number("demand")
-    begin.write("begin", begin.read("state", 4 * n))
-    begin.write("left", [choose(live > 0.0, of_level(begin, "steps", most), 0.0)])
-    begin.write("done", [0.0])
-    begin.write("h", [choose(live > 0.0, of_level(begin, "length", most), 0.0)])
-    begin.write("demand", [choose(live > 0.0, 0.0, most)])
+    begin.leave("begin", begin.read("state", 4 * n))
+    begin.leave("left", [choose(live > 0.0, of_level(begin, "steps", most), 0.0)])
+    begin.leave("done", [0.0])
+    begin.leave("h", [choose(live > 0.0, of_level(begin, "length", most), 0.0)])
+    begin.leave("demand", [choose(live > 0.0, 0.0, most)])
 
-    x, torque, state = rows.parameters(step.tape, plant), step.read("torque", n), step.read("state", 4 * n)
+    x, torque, state = step.symbols(plant), step.read("torque", n), step.read("state", 4 * n)
     left, done, h, most = (step.number(name) for name in ("left", "done", "h", "demand"))
-    time: Any = step.tape.write("time")
     after, slope = runge_kutta(
-        lambda t, state: state_derivative(t, state, torque, x), time + done * h, state, h
+        lambda t, state: state_derivative(t, state, torque, x), _time(step) + done * h, state, h
     )
     met = np.maximum(most, demand(state, after, x))
     # A lane that is done waits for its neighbours.
@@ -169,17 +136,15 @@ def advance_source(plant: Plant, rows: LaneRows) -> str:
     again = is_last * (wanted > left)
     ahead = [choose(again, *pair) for pair in zip(step.read("begin", 4 * n), after, strict=True)]
     at_start = busy * (done <= 0.0)
-    step.write("ddq", [choose(at_start, *p) for p in zip(slope[n : 2 * n], step.read("ddq", n), strict=True)])
-    step.write("state", [choose(busy, *pair) for pair in zip(ahead, state, strict=True)])
-    step.write("left", [choose(is_last, choose(again, wanted, 0.0), left)])
-    step.write("done", [choose(is_last, 0.0, done + busy)])
-    step.write("h", [choose(again, of_level(step, "length", met), h)])
-    step.write("demand", [choose(busy, choose(again, 0.0, met), most)])
-    started = {row: as_operand(value) for row, value in begin.written.items()}
-    first = machine.vector_code("begin", begin.tape.lines, started)
-    return "\n".join(
-        (first, step.source("step"), machine.repeated("advance", "begin", "step", rows.named["left"]))
-    )
+    step.leave("ddq", [choose(at_start, *p) for p in zip(slope[n : 2 * n], step.read("ddq", n), strict=True)])
+    step.leave("state", [choose(busy, *pair) for pair in zip(ahead, state, strict=True)])
+    step.leave("left", [choose(is_last, choose(again, wanted, 0.0), left)])
+    step.leave("done", [choose(is_last, 0.0, done + busy)])
+    step.leave("h", [choose(again, of_level(step, "length", met), h)])
+    step.leave("demand", [choose(busy, choose(again, 0.0, met), most)])
+    first = machine.vector_code("begin", begin.lines, begin.results)
+    again_and_again = machine.repeated("advance", "begin", "step", rows.named["left"])
+    return {"advance": "\n".join((first, step.source("step"), again_and_again))}, rows
 
 
 def runge_kutta(
@@ -197,11 +162,11 @@ def runge_kutta(
 
 
 def write_sample(
-    code: Writer, numbers: LawNumbers, command: CommandFunction, *, statistics: bool, record: bool
+    code: LaneTape, numbers: LawNumbers, command: CommandFunction, *, statistics: bool, record: bool
 ) -> None:
     """Write encoders, law and motors at a sample."""
-    n, read, number, write = numbers.hardware.S.shape[0], code.read, code.number, code.write
-    x, k, live = code.rows.parameters(code.tape, numbers), code.tape.write("sample"), number("live")
+    n, read, number, leave = numbers.hardware.S.shape[0], code.read, code.number, code.leave
+    x, k, live = code.symbols(numbers), code.write("sample"), number("live")
     example = start((np.zeros(n), np.zeros(n)), np.zeros(n), np.zeros(n), numbers.law)
     memory = unpacked(read("memory", sum(part.size for part in example)), example)
     pending = list(read("pending", longest(numbers.hardware.actuator.delay) * n).reshape(-1, n))
@@ -212,18 +177,18 @@ def write_sample(
         before = read("tau_before", n), read("H_before", n), read("ddq", n)
         stepped = _statistics(sampled, motion, before, x)
         sums = dict(zip(streaming.SUMS, read("sums", len(streaming.SUMS) * n).reshape(-1, n), strict=True))
-        write("sums", np.concatenate([*streaming.add_sample(sums, stepped, live, k, x.phases).values()]))
-        write("tau_before", sampled.tau_m)
-        write("H_before", sampled.signals[0])
-        write("block", _in_blocks(read("block", n), stepped["e"], live, k, x.block))
+        leave("sums", np.concatenate([*streaming.add_sample(sums, stepped, live, k, x.phases).values()]))
+        leave("tau_before", sampled.tau_m)
+        leave("H_before", sampled.signals[0])
+        leave("block", _in_blocks(read("block", n), stepped["e"], live, k, x.block))
     if record:
-        write("trace", recorded(state, sampled))
-    write("torque", sampled.torque)
-    write("count", [number("count") + live])
-    write("diverged", [number("diverged") + live * (1.0 - sampled.bounded)])
-    write("live", [live * sampled.bounded * (k + 1.0 < x.samples)])
-    write("memory", np.concatenate([np.ravel(part) for part in sampled.memory]))
-    write("pending", np.ravel(sampled.pending))
+        leave("trace", recorded(state, sampled))
+    leave("torque", sampled.torque)
+    leave("count", [number("count") + live])
+    leave("diverged", [number("diverged") + live * (1.0 - sampled.bounded)])
+    leave("live", [live * sampled.bounded * (k + 1.0 < x.samples)])
+    leave("memory", np.concatenate([np.ravel(part) for part in sampled.memory]))
+    leave("pending", np.ravel(sampled.pending))
 
 
 def _in_blocks(sums: Array, e: Array, live: Numeric, k: Symbol, block: Numeric) -> list[Numeric]:
@@ -255,13 +220,6 @@ def _statistics(sampled: SampledState, motion: Three, before: Three, x: LawNumbe
         "epsilon": times(law.from_joint, tau - H_hat) / law.M_bar - ddq,
         "saturated": np.array([abs(winch[i]) >= most[i] for i in range(n)], dtype=object),
     }
-
-
-def unpacked(values: Array, example: Remembered) -> Remembered:
-    """Memory from its numbers in order, shaped as an example."""
-    parts = np.split(values, np.cumsum([part.size for part in example])[:-1])
-    shaped = [part.reshape(like.shape) for part, like in zip(parts, example, strict=True)]
-    return Memory(*shaped) if isinstance(example, Memory) else (shaped[0], shaped[1])
 
 
 @dataclass(frozen=True)

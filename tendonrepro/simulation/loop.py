@@ -10,7 +10,7 @@ import numpy as np
 
 from tendonrepro.arrays import Array, Numeric, choose, pick, times
 from tendonrepro.physics import control
-from tendonrepro.physics.control import Law, Memory, Servo, servo_torque, start_memory
+from tendonrepro.physics.control import Law, Memory, Servo, ServoMemory, servo_torque, start_memory
 from tendonrepro.physics.drive import tendon_torque, to_joint_torque
 from tendonrepro.physics.dynamics import Plant, holding_torque, link_acceleration, rest_state
 from tendonrepro.physics.instruments import Actuator, Encoder, applied_torque, quantise
@@ -24,8 +24,8 @@ LARGEST_TORQUE = 1e6
 
 Two: TypeAlias = tuple[Array, Array]
 Three: TypeAlias = tuple[Array, Array, Array]
-Remembered: TypeAlias = Memory | Two
-"""What a law remembers; a position loop its last motor angles and the torque that held the arm."""
+Remembered: TypeAlias = Memory | ServoMemory
+"""What a law remembers, or a position loop."""
 
 CommandFunction = Callable[[Memory, Array, Array, Array, Array, Law], tuple[Array, Array, Array, Array]]
 """Signature of :func:`tendonrepro.physics.control.command`."""
@@ -272,10 +272,10 @@ def sample(
     tau, signals, rate = _decide(memory, measured, fed, law, command)
     line = [tau, *pending]
     tau_m = applied_torque(pick(line, actuator.delay), actuator, S, S_inv)
-    if isinstance(law, Servo):
-        memory = measured[1], memory[1]
+    if isinstance(memory, ServoMemory):
+        memory = memory._replace(q_motor=measured[1])
     else:
-        assert isinstance(memory, Memory)
+        assert isinstance(law, Law)
         assert rate is not None
         within = applied_torque(tau, actuator._replace(resolution=0.0), S, S_inv)
         stored = choose(law.stores_applied, tau_m, within)
@@ -314,7 +314,7 @@ def _counted(angle: Array, noise: Array, encoder: Encoder) -> Array:
 def start(measured: Two, q_d: Array, tau: Array, law: Law | Servo) -> Remembered:
     """Memory at the first sample, given the desired angles and the torque before."""
     if isinstance(law, Servo):
-        return measured[1], tau
+        return ServoMemory(measured[1], tau)
     return start_memory(measured[0], tau, longest(law.lag), q_d)
 
 
@@ -327,9 +327,10 @@ def _decide(
     memory: Remembered, measured: Two, desired: Three, law: Law | Servo, command: CommandFunction
 ) -> tuple[Array, tuple[Array, ...], Array | None]:
     """Torque, signals and rate; torque of position loops adds to the one that held the arm."""
-    if isinstance(law, Servo):
-        return memory[1] + servo_torque(measured[1], memory[0], desired[0], desired[1], law), (), None
-    assert isinstance(memory, Memory)
+    if isinstance(memory, ServoMemory):
+        assert isinstance(law, Servo)
+        return memory.tau + servo_torque(measured[1], memory.q_motor, *desired[:2], law), (), None
+    assert isinstance(law, Law)
     tau, H_hat, s, rate = command(memory, measured[0], *desired, law)
     return tau, (H_hat, s), rate
 

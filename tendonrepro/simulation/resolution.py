@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Hashable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import NamedTuple, TypeAlias
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array, Numeric, choose, times
 from tendonrepro.physics.drive import to_winch_angle
 from tendonrepro.physics.dynamics import Plant, both_ways, holding_torque, rest_state, state_derivative
+from tendonrepro.physics.loads import no_disturbance
 from tendonrepro.simulation.codegen.lanes import mapped, part_of, stacked
 from tendonrepro.simulation.loop import Loop, Rest, rest_at
 from tendonrepro.simulation.streaming import peak
@@ -106,14 +107,16 @@ def _modes_at(rest: Array, tau: Array, plant: Plant, speed: Sequence[Array]) -> 
     return np.linalg.eigvals(jacobian).astype(np.complex128)
 
 
-def steps_needed(modes: NDArray[np.complex128], L: float, tolerance: float = TOLERANCE) -> NDArray[np.int64]:
-    """Integration steps per sample from `STEPS`, (N,); 0 where even the largest number is too small.
+def steps_needed(
+    modes: NDArray[np.complex128], L: float | Array, tolerance: float = TOLERANCE
+) -> NDArray[np.int64]:
+    """Integration steps per sample of `L` s, (N,), from `STEPS`; 0 where even the largest is too small.
 
     A mode λ goes on by ``exp(λ L)``, in m Runge-Kutta steps by ``R(λ L/m)^m``; the difference stays below the
     tolerance. What a torque jump moves through a mode faster than the sample is smaller by ``(λ L)²``; so is
     its error.
     """
-    z = modes.reshape(modes.shape[0], -1) * L
+    z = modes.reshape(modes.shape[0], -1) * np.reshape(L, (-1, 1))
     # The fall of the Stribeck rise may let a mode of a moving plant grow, and then it shall.
     truth, growth = np.exp(z), np.maximum(1.0, np.exp(np.minimum(z.real, 100.0)))
     weight = 1.0 / (np.maximum(1.0, np.abs(z)) ** 2 * growth)
@@ -146,40 +149,42 @@ class PreparedLoop(NamedTuple):
     steps: NDArray[np.int64]
 
 
-Chunk: TypeAlias = tuple[Plant, Array]
-"""Stacked plants and the strokes of their motions."""
+Chunk: TypeAlias = tuple[Plant, Array, Array]
+"""Stacked plants, the strokes of their motions, and sampling periods."""
 
-Counts: TypeAlias = dict[float, NDArray[np.int64]]
-"""Steps per sample of a chunk, (levels, N), by sampling period."""
-
-ForEach: TypeAlias = Callable[[Callable[[Chunk], Counts], Sequence[Chunk]], Iterable[Counts]]
+ForEach: TypeAlias = Callable[
+    [Callable[[Chunk], NDArray[np.int64]], Sequence[Chunk]], Iterable[NDArray[np.int64]]
+]
 """What calls a function for each chunk, such as ``map``."""
 
 
 def prepared_loops(loops: Sequence[Loop], tolerance: float, for_each: ForEach = map) -> list[PreparedLoop]:
     """Loops in their order, with rest and steps."""
     # Runs under other readings share their plant and motion: these are worked out once.
-    keys = [(id(loop.plant), id(loop.reference.q_d), loop.start_angles.tobytes()) for loop in loops]
-    angles = {id(loop.reference.q_d): loop.reference.q_d for loop in loops}
-    far = {name: peak(q_d) for name, q_d in angles.items()}
-    alike: dict[int, dict[Hashable, Loop]] = {}
-    for key, loop in zip(keys, loops, strict=True):
-        alike.setdefault(loop.plant.disturbance.omega.size, {})[key] = loop
-    periods = {loop.L for loop in loops}
-    by_key: dict[Hashable, tuple[Rest, Counts]] = {}
-    for single in alike.values():
-        plant, stroke, q = stacked(
-            [(loop.plant, far[id(loop.reference.q_d)], loop.start_angles) for loop in single.values()]
-        )
-        chunks = [part_of((plant, stroke), slice(k, k + CHUNK)) for k in range(0, len(single), CHUNK)]
-        counted = list(for_each(partial(_steps, periods=periods, tolerance=tolerance), chunks))
-        counts, rest = {L: np.hstack([part[L] for part in counted]) for L in periods}, rest_at(q, plant)
-        for k, name in enumerate(single):
-            by_key[name] = Rest(*(part[:, k] for part in rest)), {L: each[:, k] for L, each in counts.items()}
-    ready = [(loop, *by_key[key]) for key, loop in zip(keys, loops, strict=True)]
-    return [PreparedLoop(loop, rest, counts[loop.L]) for loop, rest, counts in ready]
+    keys = [(id(loop.plant), id(loop.reference.q_d), loop.start_angles.tobytes(), loop.L) for loop in loops]
+    single = dict(zip(keys, loops, strict=True))
+    far = {id(q_d): peak(q_d) for q_d in (loop.reference.q_d for loop in single.values())}
+    # A disturbance shifts no mode, and is not there at rest.
+    calm = no_disturbance(loops[0].plant.preload.size)
+    plant, stroke, q, L = stacked(
+        [
+            (
+                loop.plant._replace(disturbance=calm),
+                far[id(loop.reference.q_d)],
+                loop.start_angles,
+                np.array(loop.L),
+            )
+            for loop in single.values()
+        ]
+    )
+    chunks = [part_of((plant, stroke, L), slice(k, k + CHUNK)) for k in range(0, len(single), CHUNK)]
+    steps = np.hstack([*for_each(partial(_steps, tolerance=tolerance), chunks)])
+    rest = rest_at(q, plant)
+    ready = {key: (Rest(*(part[:, k] for part in rest)), steps[:, k]) for k, key in enumerate(single)}
+    return [PreparedLoop(loop, *ready[key]) for key, loop in zip(keys, loops, strict=True)]
 
 
-def _steps(chunk: Chunk, *, periods: Collection[float], tolerance: float) -> Counts:
-    modes = plant_modes(*chunk)
-    return {L: np.stack([steps_needed(cases, L, tolerance) for cases in modes]) for L in periods}
+def _steps(chunk: Chunk, *, tolerance: float) -> NDArray[np.int64]:
+    """Steps per sample of a chunk, (levels, N)."""
+    plants, stroke, L = chunk
+    return np.stack([steps_needed(cases, L, tolerance) for cases in plant_modes(plants, stroke)])

@@ -94,7 +94,7 @@ class MachinePlant:
         self.rows: Array = bundled(part.filled([0]), part.lanes)[0]
         self.state, self.torque = self.lane("state", 4 * n), self.lane("torque", n)
         self.state[:] = self.rest.state
-        self.slope = callable_on_array(part.code["slope"], self.rows, np.empty(4 * n))
+        self.slope = callable_on_array(part.code["slope"], self.lane("slope", 4 * n))
 
     def lane(self, name: str, size: int) -> Array:
         """View of the numbers of a name."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from simulation.test_symbols import EXPRESSIONS, computed
+from simulation.test_codegen import EXPRESSIONS, computed
 from support.oracles import FEATURES, random_plant, random_state
 
 from tendonrepro.arrays import Array, choose

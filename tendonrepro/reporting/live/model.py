@@ -25,7 +25,7 @@ from tendonrepro.configuration.quantity import Quantity, to_si
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments import rig
 from tendonrepro.experiments.loops import build_law, motions
-from tendonrepro.physics.control import Law
+from tendonrepro.physics.control import Law, unpacked
 from tendonrepro.physics.dynamics import state_derivative
 from tendonrepro.physics.trajectory import at_rest
 from tendonrepro.reporting.live.controls import Inputs, factor_to, inputs_of
@@ -37,7 +37,7 @@ from tendonrepro.simulation.codegen.printed import (
     split_by_input,
 )
 from tendonrepro.simulation.codegen.symbols import Operand, Symbol, needed
-from tendonrepro.simulation.kernel import runge_kutta, unpacked
+from tendonrepro.simulation.kernel import runge_kutta
 from tendonrepro.simulation.loop import Hardware, measure, rest_at, sample, start
 
 

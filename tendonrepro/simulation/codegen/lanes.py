@@ -8,7 +8,7 @@ rows. What depends on parameters alone is worked out once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import wraps
 from typing import TypeAlias, TypeVar, TypeVarTuple
@@ -18,7 +18,7 @@ import numpy as np
 from tendonrepro.arrays import Array, Numeric
 from tendonrepro.simulation.codegen import elementary, machine
 from tendonrepro.simulation.codegen.machine import ALIGNED, LANES
-from tendonrepro.simulation.codegen.symbols import Line, Operand, Symbol, Tape, Term, as_operand, is_number
+from tendonrepro.simulation.codegen.symbols import Line, Operand, Symbol, Tape, Term, is_number, needed
 
 EXPANDED = {
     np.sin: elementary.sin,
@@ -38,12 +38,37 @@ Kind = TypeVar("Kind", bound=Record)
 Options = TypeVarTuple("Options")
 
 
-class LaneTape(Tape):
-    """Tape for code on lanes; divisions by one number share its reciprocal."""
+@dataclass
+class LaneRows:
+    """Rows as handed out: the first of each name, and the values (N,) of parameters' rows."""
 
-    def __init__(self) -> None:
+    count: int = 0
+    named: dict[str, int] = field(default_factory=dict)
+    constants: dict[int, Array] = field(default_factory=dict)
+
+    def known(self, name: str, size: int) -> range:
+        """Rows of a name, new when first asked for."""
+        if name not in self.named:
+            self.named[name] = self.count
+            self.count += size
+        return range(self.named[name], self.named[name] + size)
+
+    def holding(self, record: Record) -> LaneRows:
+        """The same rows for another record of one :func:`signature`."""
+        return replace(self, constants=dict(zip(self.constants, _varying(record), strict=True)))
+
+
+class LaneTape(Tape):
+    """Tape of one function on lanes: what it reads from rows, and what it leaves in them.
+
+    Divisions by one number share its reciprocal.
+    """
+
+    def __init__(self, rows: LaneRows) -> None:
         super().__init__()
+        self.rows = rows
         self.parameters: set[str] = set()
+        self.results: dict[int, Numeric] = {}
 
     def write(self, operation: str, *operands: Operand) -> Symbol:
         """As of any tape; an operation on parameters alone is a parameter."""
@@ -71,61 +96,54 @@ class LaneTape(Tape):
             return left * super().binary("/", 1.0, right)
         return super().binary(operator, left, right)
 
-    def row(self, index: int, *, parameter: bool = False) -> Symbol:
-        """Symbol of a row."""
-        symbol = self.write("row", float(index))
-        if parameter:
-            self.parameters.add(symbol.name)
-        return symbol
+    def read(self, name: str, size: int) -> Array:
+        """Rows of a name, (size,), as they are now."""
+        values = np.empty(size, dtype=object)
+        for k, row in enumerate(self.rows.known(name, size)):
+            values[k] = self.results.get(row, self.write("row", float(row)))
+        return values
 
+    def number(self, name: str) -> Numeric:
+        """The only row of a name."""
+        value: Numeric = self.read(name, 1)[0]
+        return value
 
-@dataclass
-class LaneRows:
-    """Rows as handed out: the first of each name, and the values (N,) of parameters' rows."""
+    def leave(self, name: str, values: Array | Sequence[Numeric]) -> None:
+        """New values of the rows of a name."""
+        self.results.update(zip(self.rows.known(name, len(values)), values, strict=True))
 
-    count: int = 0
-    named: dict[str, int] = field(default_factory=dict)
-    constants: dict[int, Array] = field(default_factory=dict)
-
-    def take(self, name: str, size: int) -> list[int]:
-        """New rows."""
-        self.named[name] = self.count
-        self.count += size
-        return list(range(self.named[name], self.count))
-
-    def variables(self, tape: LaneTape, name: str, size: int) -> Array:
-        """Symbols of rows that change, (size,)."""
-        return np.array([tape.row(row) for row in self.known(name, size)], dtype=object)
-
-    def known(self, name: str, size: int) -> list[int]:
-        """Rows of a name, new when first asked for."""
-        if name not in self.named:
-            return self.take(name, size)
-        return list(range(self.named[name], self.named[name] + size))
-
-    def parameters(self, tape: LaneTape, record: Kind) -> Kind:
-        """Replace numbers of a stacked record by symbols.
+    def symbols(self, record: Kind) -> Kind:
+        """Replace numbers of a stacked record by symbols of parameters.
 
         Zero or one in every experiment stays a number. So do integers and booleans, which choose branches.
         """
 
-        def symbols(leaf: Numeric) -> Numeric:
+        def of_leaf(leaf: Numeric) -> Numeric:
             if not isinstance(leaf, np.ndarray):
                 return leaf
             cells = np.empty(leaf.shape[:-1], dtype=object)
             for index in np.ndindex(cells.shape):
                 cells[index] = _plain(leaf[index])
                 if cells[index] is None:
-                    (row,) = self.take(f"parameter {self.count}", 1)
-                    self.constants[row] = leaf[index]
-                    cells[index] = tape.row(row, parameter=True)
+                    (row,) = self.rows.known(f"parameter {self.rows.count}", 1)
+                    self.rows.constants[row] = leaf[index]
+                    cells[index] = symbol = self.write("row", float(row))
+                    self.parameters.add(symbol.name)
             return cells if cells.shape else cells[()]
 
-        return mapped(symbols, record)
+        return mapped(of_leaf, record)
 
-    def holding(self, record: Record) -> LaneRows:
-        """The same rows for another record of one :func:`signature`."""
-        return replace(self, constants=dict(zip(self.constants, _varying(record), strict=True)))
+    def source(self, name: str) -> str:
+        """Source of ``<name>(rows, k, t)``, and of ``prepare`` for what depends on parameters alone.
+
+        The latter has to run first.
+        """
+        fixed = {x for x in self.parameters if self.lines[x][0] != "row"}
+        kept = [x for x in needed(self.lines, self.results.values(), fixed) if x in fixed]
+        places = {self.rows.known(f"{name}:{x}", 1)[0]: x for x in kept}
+        read: dict[str, Line] = {x: ("row", (float(row),)) for row, x in places.items()}
+        run = machine.vector_code(name, self.lines | read, self.results)
+        return "\n".join((run, machine.vector_code("prepare", self.lines, places)))
 
 
 def _plain(values: Array) -> float | None:
@@ -227,34 +245,3 @@ def aligned(values: Array) -> Array:
 def columns(bundles: Array) -> Array:
     """Bundles (B, rows, LANES) as columns (rows, B LANES)."""
     return bundles.swapaxes(0, 1).reshape(bundles.shape[1], -1)
-
-
-def lane_code(name: str, tape: LaneTape, results: Mapping[int, Numeric], rows: LaneRows) -> str:
-    """Source of ``<name>(rows, k, t)``, and of ``prepare`` for what depends on parameters alone.
-
-    The latter has to run first. Results are by row.
-    """
-    kept = {value: rows.take(f"{name}:{value}", 1)[0] for value in _fixed(tape, results.values())}
-    read: dict[str, Line] = {value: ("row", (float(row),)) for value, row in kept.items()}
-    body = {row: as_operand(value) for row, value in results.items()}
-    return "\n".join(
-        (
-            machine.vector_code(name, tape.lines | read, body),
-            machine.vector_code("prepare", tape.lines, {row: value for value, row in kept.items()}),
-        )
-    )
-
-
-def _fixed(tape: LaneTape, results: Iterable[Numeric]) -> list[str]:
-    """Names that results need and that depend on parameters alone."""
-    wanted = {value.name for value in results if isinstance(value, Symbol)}
-    fixed: list[str] = []
-    for name in reversed(tape.lines):
-        operation, operands = tape.lines[name]
-        if name not in wanted:
-            continue
-        if name in tape.parameters and operation != "row":
-            fixed.append(name)
-        else:
-            wanted.update(operand for operand in operands if isinstance(operand, str))
-    return fixed[::-1]

@@ -9,14 +9,13 @@ import ctypes
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
-from itertools import chain
 from typing import NamedTuple
 
 from llvmlite import binding
 
 from tendonrepro.arrays import Array
 from tendonrepro.errors import TendonreproError
-from tendonrepro.simulation.codegen.symbols import COMPARISONS, Line, needed
+from tendonrepro.simulation.codegen.symbols import COMPARISONS, Line, Operand, as_operand, needed
 
 LANES = 8
 """Experiments in a bundle: one vector of the widest registers there are."""
@@ -37,11 +36,12 @@ def _text(operand: str | float) -> str:
     return f"splat (double 0x{bits:016X})"
 
 
-def vector_code(name: str, lines: Mapping[str, Line], results: Mapping[int, str | float]) -> str:
+def vector_code(name: str, lines: Mapping[str, Line], results: Mapping[int, Operand]) -> str:
     """Source of ``<name>(rows, k, t)``: the lines that results, by row, need."""
+    values = {row: as_operand(value) for row, value in results.items()}
     body: list[str] = []
-    for x in _in_order(lines, results):
-        body += _stored(x, results[x]) if isinstance(x, int) else _instructions(x, *lines[x])
+    for x in _in_order(lines, values):
+        body += _stored(x, values[x]) if isinstance(x, int) else _instructions(x, *lines[x])
     head = f"define void @{name}(ptr noalias %rows, double %k, double %t) {{"
     return "\n".join([head, *(f"  {line}" for line in body), "  ret void", "}", ""])
 
@@ -334,30 +334,34 @@ class _Definition(ctypes.Structure):
 def on_array_code(name: str, inner: str, take: int, give: int, size: int) -> str:
     """Source of ``<name>(t, array)`` for Python, which calls ``<inner>(rows, k, t)`` of one experiment.
 
-    `size` numbers of the array go into rows from `take` on; those from `give` on go into an array that is
-    the result. It and the rows are the tuple that the function is bound to.
+    `size` numbers of the array go into rows from `take` on. The function is bound to what it gives, an array
+    that is the rows from `give` on.
     """
-    item = _of_python("PyTuple_GetItem")
-    into = (_moved(f"in{k}", ("x", k), ("rows", take + k)) for k in range(size))
-    out_of = (_moved(f"out{k}", ("rows", give + k), ("y", k)) for k in range(size))
+    moves = [
+        line
+        for k in range(size)
+        for line in (
+            f"%in{k}.from = getelementptr double, ptr %x, i64 {k}",
+            f"%in{k} = load double, ptr %in{k}.from",
+            f"%in{k}.to = getelementptr double, ptr %rows, i64 {take + k}",
+            f"store double %in{k}, ptr %in{k}.to",
+        )
+    ]
     body = [
         "%time = load ptr, ptr %args",
         f"%t = call double {_of_python('PyFloat_AsDouble')}(ptr %time)",
         "%array.place = getelementptr ptr, ptr %args, i64 1",
         "%array = load ptr, ptr %array.place",
-        f"%bundle = call ptr {item}(ptr %self, i64 0)",
-        f"%result = call ptr {item}(ptr %self, i64 1)",
         *_numbers("x", "array"),
-        *_numbers("rows", "bundle"),
-        *_numbers("y", "result"),
-        *chain.from_iterable(into),
+        *_numbers("y", "self"),
+        f"%rows = getelementptr double, ptr %y, i64 {-give}",
+        *moves,
         f"call void @{inner}(ptr %rows, double 0.0, double %t)",
-        *chain.from_iterable(out_of),
         # Whoever calls a function owns what it gives.
-        f"call void {_of_python('Py_IncRef')}(ptr %result)",
+        f"call void {_of_python('Py_IncRef')}(ptr %self)",
     ]
     head = f"define ptr @{name}(ptr %self, ptr %args, i64 %count) {{"
-    return "\n".join([head, *(f"  {line}" for line in body), "  ret ptr %result", "}", ""])
+    return "\n".join([head, *(f"  {line}" for line in body), "  ret ptr %self", "}", ""])
 
 
 def _of_python(name: str) -> str:
@@ -373,22 +377,7 @@ def _numbers(name: str, array: str) -> list[str]:
     ]
 
 
-def _moved(name: str, source: tuple[str, int], target: tuple[str, int]) -> list[str]:
-    """Instructions that copy a number from one place, an array and how far in it, to another."""
-    return [
-        f"%{name}.from = getelementptr double, ptr %{source[0]}, i64 {source[1]}",
-        f"%{name} = load double, ptr %{name}.from",
-        f"%{name}.to = getelementptr double, ptr %{target[0]}, i64 {target[1]}",
-        f"store double %{name}, ptr %{name}.to",
-    ]
-
-
-def address_in(array: Array) -> int | None:
-    """Read the address of an array's numbers as the machine code does."""
-    return ctypes.c_void_p.from_address(id(array) + _HEAD).value
-
-
-def callable_on_array(address: int, rows: Array, out: Array) -> Callable[[float, Array], Array]:
+def callable_on_array(address: int, out: Array) -> Callable[[float, Array], Array]:
     """Code of `on_array_code` as a function of a time and an array that gives `out`.
 
     The array has as many float64 as `out`, one behind the other, which SciPy's arrays are.
@@ -398,13 +387,13 @@ def callable_on_array(address: int, rows: Array, out: Array) -> Callable[[float,
     TendonreproError
         If this Python or NumPy keeps an array's address somewhere else.
     """
-    if address_in(out) != out.ctypes.data:
+    if ctypes.c_void_p.from_address(id(out) + _HEAD).value != out.ctypes.data:
         message = "this Python or NumPy keeps the numbers of an array where machine code does not look"
         raise TendonreproError(message, hint="say compare --solver compiled, and report it")
     bind = ctypes.pythonapi.PyCFunction_NewEx
     bind.argtypes = [ctypes.POINTER(_Definition), ctypes.py_object, ctypes.c_void_p]
     bind.restype = ctypes.py_object
-    function: Callable[[float, Array], Array] = bind(_definition(address), (rows, out), None)
+    function: Callable[[float, Array], Array] = bind(_definition(address), out, None)
     return function
 
 

@@ -212,13 +212,7 @@ def split_by_input(
         inner = [part for part in operands if isinstance(part, str)]
         if operands[0] in arrays if operation == "input" else fixed.issuperset(inner):
             fixed.add(name)
-    wanted = {as_operand(result) for result in results}
-    edge: list[str] = []
-    for name in reversed(list(lines)):
-        if name in wanted and name in fixed:
-            edge.append(name)
-        elif name in wanted:
-            wanted.update(lines[name][1])
-    once = {(kept, place): name for place, name in enumerate(reversed(edge))}
+    edge = [name for name in needed(lines, results, fixed) if name in fixed]
+    once = {(kept, place): name for place, name in enumerate(edge)}
     read: dict[str, Line] = {name: ("input", place) for place, name in once.items()}
     return once, {**lines, **read}

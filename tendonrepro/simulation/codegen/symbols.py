@@ -5,7 +5,7 @@ Products with zero vanish, and with them every feature that is switched off.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Set
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -74,11 +74,11 @@ class Tape:
         return self.write(operator, left, right)
 
 
-def needed(lines: Mapping[str, Line], results: Iterable[Operand]) -> list[str]:
-    """Names that results depend on, their own included."""
+def needed(lines: Mapping[str, Line], results: Iterable[Operand], given: Set[str] = frozenset()) -> list[str]:
+    """Names that results depend on, their own included, but not what is behind those that are given."""
     wanted = {as_operand(result) for result in results}
     for name in reversed(list(lines)):
-        if name in wanted:
+        if name in wanted and name not in given:
             wanted.update(lines[name][1])
     return [name for name in lines if name in wanted]
 
