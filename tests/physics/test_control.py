@@ -8,6 +8,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from tendonrepro.configuration.load import load_config
+from tendonrepro.experiments.loops import build_law
 from tendonrepro.physics.control import (
     DEGREES_PER_RADIAN,
     Law,
@@ -16,12 +18,15 @@ from tendonrepro.physics.control import (
     command,
     delayed_acceleration,
     error_rate,
+    error_ratio,
+    estimate_age,
     estimator_weights,
     phi,
     phi_slope,
     polynomial,
     remember,
     start_memory,
+    stiffness,
     surface_and_feedback,
     time_delay_estimate,
 )
@@ -344,3 +349,85 @@ class TestExactEstimate:
         assert np.all(np.abs(s) <= delta / LAM + np.abs(s[0]) * np.exp(-LAM * t) + 1e-9)
         if not rate.any():
             np.testing.assert_allclose(s[-1], delta / LAM, rtol=1e-5)  # the bound is reached
+
+
+def shipped_law(name, *overrides):
+    return build_law(load_config("plain", "compare", overrides=overrides).config, name)
+
+
+# ---- Slow errors: the closed form; the linear loop and whole runs stand in tests/analysis ------------------
+
+
+def test_ratios_of_slow_errors_at_printed_gains():
+    c1, c2, c3 = (shipped_law(f"controller_{k}") for k in (1, 2, 3))
+    np.testing.assert_allclose(error_ratio(c1, c2, 1e-3), [1.1, 1.2])
+    np.testing.assert_allclose(error_ratio(c2, c3, 1e-9), 1.032, atol=5e-4)
+    np.testing.assert_allclose(estimate_age(c1), [1.1, 1.2])
+    np.testing.assert_allclose(estimate_age(c1, 1), [1.1, 1.2])
+    np.testing.assert_allclose(estimate_age(c1._replace(stores_applied=True), 1), [2.1, 2.2])
+    np.testing.assert_allclose(stiffness(c3, 0.01), 16.0)
+    np.testing.assert_allclose(error_ratio(shipped_law("tdc"), c3, 0.01), 1.0)
+    np.testing.assert_allclose(error_ratio(c3._replace(M_bar=0.5 * c3.M_bar), c3, 0.01), 2.0)
+    inside = shipped_law("controller_2", "control.readings.phi_branch=power")
+    np.testing.assert_allclose(stiffness(inside, 0.005), 8.0 * 1.5 * 0.005**-0.1)
+
+
+def test_what_makes_an_estimate_older():
+    c1 = shipped_law("controller_1")
+    two_periods = shipped_law("controller_1", "control.readings.delay_time=two_periods")
+    np.testing.assert_allclose(estimate_age(two_periods), 2.0 * estimate_age(c1))
+    half, quarter = (c1._replace(estimate_filter=newest) for newest in (0.5, 0.25))
+    np.testing.assert_allclose(estimate_age(half) - estimate_age(c1), 1.0)
+    np.testing.assert_allclose(estimate_age(quarter) - estimate_age(c1), 3.0)
+
+
+def test_error_grows_with_the_period_and_with_the_age_of_the_estimate():
+    c1, c2 = shipped_law("controller_1"), shipped_law("controller_2")
+    np.testing.assert_allclose(error_ratio(c2._replace(L=2.0 * c2.L), c2, 1e-3), 2.0)
+    applied = c1._replace(stores_applied=True)
+    np.testing.assert_allclose(error_ratio(applied, c1, 1e-3), 1.0)
+    np.testing.assert_allclose(error_ratio(applied, c1, 1e-3, 2), [3.1 / 1.1, 3.2 / 1.2])
+
+
+# ---- Errors of the reference itself, which with an ideal estimate know no plant ----------------------------
+# Then dde = ddq_d - feed_forward ddq_d - feedback(e, de): what the law is not told, and what it feeds back.
+
+LAWS = ("controller_1", "controller_3")
+
+
+def area(name, e, de=0.0, acceleration=0.0):
+    """Area under the surface's function of the error, rad, and the error at its end, rad."""
+    held = shipped_law(name)
+
+    def derivative(_, x):
+        surface = surface_and_feedback(x[0], 0.0, held, 0)[0]
+        return x[1], acceleration - surface_and_feedback(x[0], x[1], held, 0)[1], surface
+
+    found = solve_ivp(derivative, (0.0, 40.0), [e, de, 0.0], rtol=1e-10, atol=1e-14)
+    return found.y[2, -1], found.y[0, -1]
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("step", [0.09, -0.02])
+def test_a_step_of_velocity_leaves_an_area_of_the_step_over_lambda(name, step):
+    assert area(name, 0.0, step)[0] == pytest.approx(step / LAM, rel=1e-7)
+
+
+@pytest.mark.parametrize("offset", [0.02, -0.005])
+def test_an_offset_leaves_the_area_of_two_time_constants(offset):
+    expected = offset * (LAM + BETA) / LAM  # times beta, the slope of the surface
+    assert area("controller_3", offset)[0] == pytest.approx(expected, rel=1e-7)
+
+
+def test_an_offset_on_the_terminal_surface():
+    held, offset = shipped_law("controller_1"), 0.02
+    expected = offset + held.eta[0] * phi(offset, held, 0) / LAM
+    assert area("controller_1", offset)[0] == pytest.approx(expected, rel=1e-7)
+
+
+@pytest.mark.parametrize("acceleration", [0.2, -0.05])
+def test_an_acceleration_that_is_not_fed_forward_leaves_an_error(acceleration):
+    end = area("controller_3", 0.0, acceleration=acceleration)[1]
+    assert end == pytest.approx(acceleration / (LAM * BETA), rel=1e-7)
+    held, end = shipped_law("controller_1"), area("controller_1", 0.0, acceleration=acceleration)[1]
+    assert held.eta[0] * phi(end, held, 0) == pytest.approx(acceleration / LAM, rel=1e-7)

@@ -1,39 +1,76 @@
+"""Coupling as printed and as rope; a single tendon's dead zone and one way."""
+
 from __future__ import annotations
+
+from itertools import product
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
-from support.oracles import (
-    FEATURES,
-    Subject,
-    random_plant,
-    random_state,
-    slope,
-    stretch_energy,
-    winch_angles,
-)
+from support.oracles import TABLE_1, Routing, random_plant, random_routing, rope_used
 
 from tendonrepro.physics.drive import (
     Drive,
+    coupling_inverse,
+    coupling_matrix,
     tendon_torque,
     theta_at_rest,
-    to_joint_torque,
-    to_winch_angle,
-    to_winch_torque,
-    winch_friction,
 )
 
 Array = NDArray[np.float64]
 
-each = pytest.mark.parametrize(("n", "seed"), [(1, 0), (2, 1), (2, 2), (3, 3), (3, 4)])
+# Section 5.2 as printed: absolute values.
+PRINTED_S = np.array([[0.4805, 0.0, 0.0], [0.2184, 0.4805, 0.0], [0.2479, 0.4545, 1.0]])
+# Table 1, times 37.
+PRINTED_RATIOS = np.array([[77.0, 0.0, 0.0], [35.0, 77.0, 0.0], [35.0, 35.0, 37.0]])
 
-# Sums of a handful of products whose factors are up to about a hundred.
-ROUNDING = {"rel": 1e-11, "abs": 1e-11}
+cases = given(st.integers(1, 6), st.integers(0, 2**32 - 1))
+many = settings(max_examples=100, deadline=None)
 
 
-def drawn(n: int, seed: int, features: frozenset[str]) -> tuple[Subject, Array, Array, Array, Array]:
-    state = random_state(n, np.random.default_rng([n, seed, 1]))
-    return random_plant(n, seed, features), *np.split(state, 4)
+def routing_of(n: int, seed: int) -> Routing:
+    return random_routing(n, np.random.default_rng(seed))
+
+
+def with_signs(c12: float, c13: float, c23: float) -> Routing:
+    sign = np.eye(3)
+    sign[0, 1], sign[0, 2], sign[1, 2] = c12, c13, c23
+    return TABLE_1._replace(sign=sign)
+
+
+class TestCoupling:
+    @many
+    @cases
+    def test_equation_1_holds_row_by_row(self, n: int, seed: int) -> None:
+        routing = routing_of(n, seed)
+        q = np.random.default_rng(seed + 1).uniform(-2.0, 2.0, n)
+        q_motor = coupling_inverse(*routing) @ q
+        # A sum of n products of numbers up to about 10.
+        assert routing.winch * q_motor / 2 == pytest.approx(rope_used(q, routing), abs=1e-14)
+
+    @many
+    @cases
+    def test_S_and_S_inv_are_inverses_on_both_sides(self, n: int, seed: int) -> None:
+        S_inv = coupling_inverse(*routing_of(n, seed))
+        S = coupling_matrix(S_inv)
+        # Rounding of a product is bounded by that of the absolute values; S itself carries it once more.
+        bound = 4 * n * np.finfo(float).eps * np.abs(S) @ np.abs(S_inv) @ np.abs(S) @ np.abs(S_inv)
+        assert (np.abs(S @ S_inv - np.eye(n)) <= bound).all()
+        assert (np.abs(S_inv @ S - np.eye(n)) <= bound.max()).all()
+
+
+class TestPrintedNumbers:
+    """Section 5.2 and Table 1."""
+
+    def test_table_1_is_the_inverse_coupling(self) -> None:
+        assert 37.0 * np.abs(coupling_inverse(*TABLE_1)) == pytest.approx(PRINTED_RATIOS, rel=1e-15)
+
+    def test_only_sign_patterns_of_product_minus_one_print_that_S(self) -> None:
+        for signs in product([1.0, -1.0], repeat=3):
+            S = coupling_matrix(coupling_inverse(*with_signs(*signs)))
+            assert (np.abs(S).round(4).tolist() == PRINTED_S.tolist()) == (np.prod(signs) == -1.0)
 
 
 def one_winch(**changes: float) -> Drive:
@@ -58,37 +95,6 @@ def test_a_tendon_that_only_pulls_has_no_torque_where_it_would_push(one_way: flo
     assert found == pytest.approx(np.maximum(both, 0.0) if one_way else both, abs=0.0)
 
 
-@each
-class TestCoordinates:
-    def test_winch_angles_take_up_the_rope(self, n: int, seed: int) -> None:
-        subject, q, *_ = drawn(n, seed, FEATURES)
-        assert to_winch_angle(q, subject.plant.drive) == pytest.approx(
-            winch_angles(q, subject.routing), **ROUNDING
-        )
-
-    def test_power_is_the_same_at_winches_and_joints(self, n: int, seed: int) -> None:
-        """Virtual work."""
-        subject, rate, torque, *_ = drawn(n, seed, FEATURES)
-        drive = subject.plant.drive
-        at_winches = to_winch_torque(torque, drive) @ to_winch_angle(rate, drive)
-        assert at_winches == pytest.approx(torque @ rate, **ROUNDING)
-
-
-@each
-@pytest.mark.parametrize("features", [frozenset(), frozenset({"clearance"})], ids=["tight", "clearance"])
-def test_elastic_torque_is_the_slope_of_the_stretch_energy(
-    n: int, seed: int, features: frozenset[str]
-) -> None:
-    subject, q, dq, theta, _ = drawn(n, seed, features)
-    drive = subject.plant.drive
-    tau_s = to_joint_torque(tendon_torque(q, dq, theta, dq, drive), drive)
-    for i, axis in enumerate(np.eye(n)):
-        by_motor = slope(lambda at: stretch_energy(q + 0j, at, subject), theta, axis)
-        by_joint = slope(lambda at: stretch_energy(at, theta + 0j, subject), q, axis)
-        assert tau_s[i] == pytest.approx(by_motor, **ROUNDING)
-        assert tau_s[i] == pytest.approx(-by_joint, **ROUNDING)
-
-
 class TestClearance:
     drive = one_winch(slack=0.02)
 
@@ -100,42 +106,6 @@ class TestClearance:
     def test_damping_acts_throughout(self) -> None:
         damped = self.drive._replace(damping=np.array([3.0]))
         assert pull(np.array([0.0, 0.12]), damped, rate=2.0) == pytest.approx([6.0, 11.0], abs=1e-14)
-
-
-class TestTransmissionError:
-    @each
-    def test_damping_sees_the_rate_of_what_stiffness_sees(self, n: int, seed: int) -> None:
-        subject, q, dq, theta, dtheta = drawn(n, seed, frozenset({"damping", "wobble"}))
-        drive = subject.plant.drive
-        elastic = drive._replace(damping=0.0 * drive.damping)
-        damped = drive._replace(stiffness=0.0 * drive.stiffness)
-
-        def stretch(at: Array) -> Array:
-            return tendon_torque(at[0], 0.0 * at[0], at[1], 0.0 * at[1], elastic) / drive.stiffness
-
-        rate = slope(stretch, np.array([q, theta]), np.array([dq, dtheta]))
-        got = tendon_torque(q, dq, theta, dtheta, damped) / drive.damping
-        assert got == pytest.approx(rate, **ROUNDING)
-
-    def test_amplitude_and_cycles_per_turn(self) -> None:
-        drive = one_winch(wobble=1e-3, wobble_rate=200.0)
-        turn = np.linspace(0.0, 2.0 * np.pi, 4001)[:-1]
-        still = np.atleast_2d(turn)
-        # The joint follows the winch, so what is left is the error alone.
-        error = tendon_torque(still, 0.0 * still, still, 0.0 * still, drive)[0] / 50.0
-        spectrum = np.abs(np.fft.rfft(error)) / 2000.0
-        assert spectrum.argmax() == 200
-        assert spectrum[200] == pytest.approx(1e-3, rel=1e-9)
-
-
-class TestWinchFriction:
-    def test_pulleys_and_reducer_lose_their_share_against_the_motion(self) -> None:
-        drive = one_winch(pulley_loss=0.1, reducer_loss=0.3)
-        # At 10 rad/s the smoothed sign is 1 to rounding.
-        for rate, sense in ((10.0, 1.0), (-10.0, -1.0)):
-            for tendon, motor, lost in ((4.0, 0.0, 0.4), (-4.0, 0.0, 0.4), (0.0, 2.0, 0.6), (4.0, -2.0, 1.0)):
-                got = winch_friction(np.array([rate]), np.array([tendon]), np.array([motor]), drive)
-                assert got == pytest.approx([sense * lost], rel=1e-14)
 
 
 class TestRest:

@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from support.oracles import (
@@ -14,6 +16,7 @@ from support.oracles import (
     joint_matrices,
     lagrangian,
     mass_matrix_by_lagrange,
+    random_links,
     random_plant,
     random_state,
     slope,
@@ -22,6 +25,8 @@ from support.oracles import (
     winch_angles,
 )
 
+from tendonrepro.arrays import solve_positive_definite
+from tendonrepro.physics.arm import coriolis_matrix, mass_matrix
 from tendonrepro.physics.drive import to_winch_torque
 from tendonrepro.physics.dynamics import (
     both_ways,
@@ -38,6 +43,8 @@ PASSIVE = FEATURES - {"step", "sine"}
 
 each_size = pytest.mark.parametrize("n", [1, 2, 3])
 each = pytest.mark.parametrize(("n", "seed"), [(1, 0), (2, 1), (2, 2), (3, 3), (3, 4)])
+# The oracle covers three links; what needs none is tried on longer chains too.
+long_cases = given(st.integers(1, 6), st.integers(0, 2**32 - 1))
 
 
 def drawn(n: int, seed: int, features: frozenset[str]) -> tuple[Subject, Array, Array]:
@@ -62,6 +69,29 @@ def dissipation(state: Array, tau_m: Array, subject: Subject) -> float:
     at_motor += transmitted * np.tanh(motor_rate / drive.friction.smoothing_velocity)
     links = friction_by_formula(dq, subject.plant.link_friction)
     return float(links @ dq + at_motor @ motor_rate + (drive.damping * stretch_rate**2).sum())
+
+
+@settings(max_examples=60)
+@long_cases
+def test_C_is_the_christoffel_form(n: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    arm, (q, dq) = random_links(n, rng).arm(), rng.uniform(-np.pi, np.pi, (2, n))
+    dM = np.stack([slope(lambda at: mass_matrix(at, arm), q, axis) for axis in np.eye(n)], axis=-1)
+    symbols = (dM + dM.transpose(0, 2, 1) - dM.transpose(2, 1, 0)) / 2.0 @ dq
+    # Sums of a few dozen terms.
+    near = 2e-14 * (1.0 + np.abs(symbols).max())
+    np.testing.assert_allclose(coriolis_matrix(q, dq, arm), symbols, rtol=0.0, atol=near)
+
+
+@long_cases
+def test_solution_leaves_only_rounding(n: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    factor, b = rng.uniform(-1.0, 1.0, (n, n)), rng.uniform(-1.0, 1.0, n)
+    A = factor @ factor.T + 0.1 * np.eye(n)
+    x = solve_positive_definite(A, b)
+    # Backward stability of Cholesky: the residual is of the size of A x rounded, n + 1 times over.
+    bound = 4 * (n + 1) * np.finfo(float).eps * np.linalg.norm(A) * np.linalg.norm(x)
+    assert np.linalg.norm(A @ x - b) <= bound
 
 
 class TestPaperEquations:

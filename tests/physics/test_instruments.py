@@ -68,18 +68,10 @@ class TestActuator:
         assert at_winches(applied) == pytest.approx([2.0, -2.0, 0.0], abs=1e-14)
 
 
-class TestServo:
-    servo = Servo(stiffness=np.array([10.0, 20.0]), damping=np.array([1.0, 2.0]), S_inv=np.eye(2), L=0.5)
-
-    def test_resists_motion_measured_over_one_period(self) -> None:
-        here, before = np.array([0.1, 0.2]), np.array([0.0, 0.3])
-        torque = servo_torque(here, before, here, np.zeros(2), self.servo)
-        assert torque == pytest.approx([-0.2, 0.4])
-
-    def test_knows_joints_by_their_coupling_alone(self) -> None:
-        """Winches follow ``S_inv q_d``, and their torques act on joints through its transpose."""
-        coupled = self.servo._replace(S_inv=np.array([[2.0, 0.0], [-1.0, 3.0]]))
-        still = np.zeros(2)
-        torque = servo_torque(still, still, np.array([0.1, 0.2]), np.array([0.3, 0.0]), coupled)
-        winch = [10.0 * 0.2 + 1.0 * 0.6, 20.0 * 0.5 - 2.0 * 0.3]
-        assert torque == pytest.approx([2.0 * winch[0] - winch[1], 3.0 * winch[1]])
+def test_servo_knows_joints_by_their_coupling_alone() -> None:
+    """Winches follow ``S_inv q_d``, and their torques act on joints through its transpose."""
+    servo = Servo(np.array([10.0, 20.0]), np.array([1.0, 2.0]), np.array([[2.0, 0.0], [-1.0, 3.0]]), 0.5)
+    here, before = np.array([0.1, 0.2]), np.array([0.0, 0.3])
+    torque = servo_torque(here, before, np.array([0.1, 0.2]), np.array([0.3, 0.0]), servo)
+    winch = [10.0 * (0.2 - 0.1) + 1.0 * (0.6 - 0.2), 20.0 * (0.5 - 0.2) + 2.0 * (-0.3 + 0.2)]
+    assert torque == pytest.approx([2.0 * winch[0] - winch[1], 3.0 * winch[1]])

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 from scipy.optimize import brentq
-from scipy.signal import cont2discrete
 
 from tendonrepro.configuration.load import load_config
 from tendonrepro.experiments.loops import build_law
@@ -21,15 +20,13 @@ from tendonrepro.physics.control import (
     surface_and_feedback,
 )
 from tendonrepro.physics.drive import Drive
-from tendonrepro.physics.dynamics import Plant, frictionless, holding_torque, rest_state, state_derivative
+from tendonrepro.physics.dynamics import Plant, frictionless, holding_torque, rest_state
 from tendonrepro.physics.instruments import Actuator, Encoder
 from tendonrepro.physics.linear_loop import (
     decay_rate,
     feedback_gains,
-    hold_discretised,
     loop_matrix,
     modes,
-    plant_matrices,
     slowest,
     spectral_radius,
     stroke,
@@ -131,37 +128,6 @@ def place_reached(plant, law, size):
     return q
 
 
-class TestPlant:
-    @pytest.mark.parametrize("posture", [[0.0, 0.0], [0.3, 0.4], [0.9, -0.5]])
-    @pytest.mark.parametrize("payload", [0.0, 0.2])
-    def test_matrices_are_the_derivatives_of_the_plant(self, posture, payload):
-        plant = frictionless(build_plant(shipped("manipulator.tensioner.force=20"), payload))
-        q = np.array(posture)
-        A, B = plant_matrices(q, plant)
-        x, tau = rest_state(q, plant), holding_torque(q, plant)
-        np.testing.assert_allclose(state_derivative(0.0, x, tau, plant), 0.0, atol=1e-10)
-        h = 1e-6
-
-        def difference(dx, dtau):
-            forward, backward = (
-                state_derivative(0.0, x + sign * dx, tau + sign * dtau, plant) for sign in (1, -1)
-            )
-            return (forward - backward) / (2.0 * h)
-
-        numeric_A = np.stack([difference(h * unit, np.zeros(2)) for unit in np.eye(8)], axis=1)
-        numeric_B = np.stack([difference(np.zeros(8), h * unit) for unit in np.eye(2)], axis=1)
-        # Central differences: h^2 times the third derivative, and 1e-16/h of rounding, of entries up to 1e5.
-        np.testing.assert_allclose(A, numeric_A, atol=1e-8 * np.abs(A).max())
-        np.testing.assert_allclose(B, numeric_B, atol=1e-8 * np.abs(B).max())
-
-    def test_hold_is_exact(self):
-        A, B = plant_matrices(np.array([0.1, 0.2]), build_plant(shipped(), 0.0))
-        Phi, Gamma = hold_discretised(A, B, L)
-        wanted = cont2discrete((A, B, np.eye(8), np.zeros((8, 2))), L, method="zoh")
-        np.testing.assert_allclose(Phi, wanted[0], rtol=1e-12, atol=1e-13)
-        np.testing.assert_allclose(Gamma, wanted[1], rtol=1e-12, atol=1e-15)
-
-
 class TestFeedbackGains:
     @pytest.mark.parametrize("name", ["controller_1", "controller_2", "controller_3", "tdc"])
     @pytest.mark.parametrize(
@@ -223,15 +189,11 @@ class TestLoop:
 
 class TestShippedPlant:
     @pytest.mark.parametrize(
-        ("name", "weights", "multiples"),
-        [
-            ("controller_1", "interpolating", (2.444, 3.736)),
-            ("controller_3", "interpolating", (2.490, 3.790)),
-        ],
+        ("name", "multiples"), [("controller_1", (2.444, 3.736)), ("controller_3", (2.490, 3.790))]
     )
-    def test_smallest_stable_multiple(self, name, weights, multiples):
+    def test_smallest_stable_multiple(self, name, multiples):
         """The table of docs/theory.md: without and with 0.2 kg."""
-        config = shipped("manipulator.tendons.damping_factor=1", f"control.readings.weights={weights}")
+        config = shipped("manipulator.tendons.damping_factor=1")
         law = build_law(config, name)
         for payload, known in zip((0.0, 0.2), multiples, strict=True):
             plant = build_plant(config, payload)

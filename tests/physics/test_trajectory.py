@@ -12,6 +12,7 @@ from tendonrepro.errors import ConfigError
 from tendonrepro.physics.trajectory import (
     Motion,
     at_rest,
+    late,
     minimum_jerk,
     motion,
     raised_cosine,
@@ -179,6 +180,25 @@ class TestMotion:
         np.testing.assert_array_equal(dq_d[1:, 0], 0.0)
         np.testing.assert_array_equal(ddq_d[1:, 0], 0.0)
         assert dq_d[0, 0] != 0.0
+
+
+class TestLate:
+    L, LAG = 1e-3, 12e-3
+
+    def test_answer_to_a_step_is_exponential(self):
+        found = late(np.ones((200, 2)), self.L, self.LAG)
+        time = self.L * np.arange(1, 201)  # the first sample is already on its way
+        np.testing.assert_allclose(found, np.tile(1.0 - np.exp(-time / self.LAG), (2, 1)).T, rtol=1e-12)
+
+    def test_a_slow_motion_is_late_by_the_time_constant(self):
+        time = self.L * np.arange(4000)
+        found = late(np.sin(2.0 * time)[:, np.newaxis], self.L, self.LAG)[1000:, 0]
+        delay = self.LAG - 0.5 * self.L  # as it holds the newest value
+        np.testing.assert_allclose(found, np.sin(2.0 * (time[1000:] - delay)), atol=1e-3)
+
+    def test_no_lag_changes_nothing(self):
+        rates = np.random.default_rng(1).normal(size=(30, 2))
+        assert late(rates, self.L, 0.0) is rates
 
 
 ROWS = tuple(f"{0.5 * k},{3 * k},{-k}" for k in range(8))
