@@ -85,7 +85,7 @@ docs-links: $(VENV)/.docs  ## the links of the pages that lead elsewhere; uses t
 mutants: $(VENV)/.test  ## mutation run over the physics, half an hour
 	$(PIP) mutmut
 	$(BIN)/mutmut run $(ARGS)
-	@$(BIN)/python tests/support/mutants.py
+	@$(BIN)/mutmut results
 
 clean:  ## remove the environment and caches, keep results
 	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis build dist docs/api mutants
