@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,21 +97,16 @@ def simulate_batch(
     _refuse_others(loops)
     report = progress or (lambda _: None)
 
-    def run(places: Sequence[int]) -> int:
-        pack = {place: loops[place] for place in places}
-        ended = run_pack(pack, parts[places[0]], record=record)
-        _keep(batch, pack, ended)
-        return len(places)
+    def run(pack: Pack) -> int:
+        _keep(batch, pack.loops, run_pack(pack, record=record))
+        return len(pack.loops)
 
     size = LANES if record else max(LANES, min(PACK, len(loops) // (4 * threads)))
-    parts: dict[int, CompiledPart] = {}
     with ThreadPoolExecutor(threads) as pool:
         ready = prepared_loops(loops, tolerance, pool.map)
-        for alike in _alike(ready):
-            parts |= dict.fromkeys(alike, experiment_part(alike, record=record))
-        steps = np.array([loop.steps for loop in ready])
-        batch = _unresolved(loops, steps, record=record)
-        for done in pool.map(run, _packs(loops, parts, steps, size)):
+        batch = _unresolved(loops, np.array([loop.steps for loop in ready]), record=record)
+        packs = [pack for alike in _alike(ready) for pack in _packs(alike, size, record=record)]
+        for done in pool.map(run, packs):
             report(done)
     return batch
 
@@ -136,25 +132,29 @@ def _alike(ready: Sequence[PreparedLoop]) -> Iterable[dict[int, PreparedLoop]]:
 
 
 def _branches(loop: Loop) -> Hashable:
-    """What code depends on, besides what all loops have in common."""
+    """What loops of a pack have in common, besides what all of a batch have."""
     law = loop.controller.law
     linear = isinstance(law, Law) and law.surface == Surface.PD
-    return loop.plant.disturbance.omega.size, loop.controller.command, linear
+    code = loop.plant.disturbance.omega.size, loop.controller.command, linear
+    return *code, loop.L, loop.ringing_frequency
 
 
-def _packs(
-    loops: Sequence[Loop], parts: Mapping[int, CompiledPart], steps: NDArray[np.int64], size: int
-) -> Iterator[list[int]]:
-    """Places of each pack, of one code, sampling period and ringing frequency, sorted by motion and steps."""
-    groups: dict[tuple[int, float, float], list[int]] = {}
-    motions = {id(loop.reference): k for k, loop in enumerate(reversed(loops))}
-    for place in np.flatnonzero((steps > 0).all(axis=1)).tolist():
-        loop = loops[place]
-        groups.setdefault((id(parts[place]), loop.L, loop.ringing_frequency), []).append(place)
-    for places in groups.values():
-        places.sort(key=lambda place: (motions[id(loops[place].reference)], *steps[place][::-1]))
-        for start in range(0, len(places), size):
-            yield places[start : start + size]
+class Pack(NamedTuple):
+    """Loops by their places in a batch, and where they stand in the part that they share."""
+
+    loops: dict[int, Loop]
+    part: CompiledPart
+    columns: list[int]
+
+
+def _packs(alike: Mapping[int, PreparedLoop], size: int, *, record: bool) -> Iterator[Pack]:
+    """Packs of loops that share code, sorted by motion and steps."""
+    part, loops = experiment_part([*alike.values()], record=record), [*alike.items()]
+    columns = [k for k, (_, ready) in enumerate(loops) if (ready.steps > 0).all()]
+    columns.sort(key=lambda k: (id(loops[k][1].loop.reference), *loops[k][1].steps[::-1]))
+    for start in range(0, len(columns), size):
+        chosen = columns[start : start + size]
+        yield Pack({loops[k][0]: loops[k][1].loop for k in chosen}, part, chosen)
 
 
 def _unresolved(loops: Sequence[Loop], steps: NDArray[np.int64], *, record: bool) -> Batch:
@@ -218,12 +218,12 @@ class Ended:
     trace: Array
 
 
-def run_pack(loops: Mapping[int, Loop], part: CompiledPart, *, record: bool) -> Ended:
-    """Run experiments of one sampling period and ringing frequency, by place in the batch."""
-    first, count, named = next(iter(loops.values())), len(loops), part.rows.named
-    block = first.block
-    n, samples = first.plant.preload.size, max(loop.reference.time.size for loop in loops.values())
-    signals = Signals([*loops.values()])
+def run_pack(pack: Pack, *, record: bool) -> Ended:
+    """Run experiments."""
+    loops, part, named = [*pack.loops.values()], pack.part, pack.part.rows.named
+    first, count, block = loops[0], len(loops), loops[0].block
+    n, samples = first.plant.preload.size, max(loop.reference.time.size for loop in loops)
+    signals = Signals(loops)
     kept = {"block": TraceBuffer(named["block"], n, block)}
     if record:
         kept["trace"] = TraceBuffer(named["trace"], first.recorded_columns, 1)
@@ -231,7 +231,7 @@ def run_pack(loops: Mapping[int, Loop], part: CompiledPart, *, record: bool) -> 
     (address,) = assembled(sweep_code(named["live"], inputs, [*kept.values()]), "sweep")
     sweep, codes = callable_sweep(address), (part.code["sample"], part.code["advance"])
     ended = {name: np.zeros((count, -(-samples // of.each), of.size)) for name, of in kept.items()}
-    members, rows = np.arange(count), part.filled([*loops])
+    members, rows = np.arange(count), part.filled(pack.columns)
     left = np.empty((part.rows.count, count))
     slice_length = block * max(1, SLICE // block)
     for at in range(0, samples, slice_length):

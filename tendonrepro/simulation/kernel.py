@@ -32,8 +32,6 @@ from tendonrepro.simulation.codegen.symbols import Symbol
 from tendonrepro.simulation.loop import (
     CommandFunction,
     Hardware,
-    Loop,
-    Rest,
     SampledState,
     Three,
     longest,
@@ -226,79 +224,62 @@ def _statistics(sampled: SampledState, motion: Three, before: Three, x: LawNumbe
 class CompiledPart:
     """Compiled code that loops share, and their numbers.
 
-    ``start`` holds first values of rows by name, (rows, N); ``column`` a loop's column by its place in the
-    batch. ``code`` has the addresses of functions by name, and ``prepare`` those to be run once before any
-    of them. They work on so many `lanes`: a bundle, or one run by SciPy.
+    ``start`` holds first values of rows by name, (rows, N), a column for each loop. ``code`` has the
+    addresses of functions by name, and ``prepare`` those to be run once before any of them. They work on so
+    many `lanes`: a bundle, or one run by SciPy.
     """
 
     rows: LaneRows
     start: dict[str, Array]
-    column: dict[int, int]
     code: Mapping[str, int]
     prepare: Sequence[int]
-    lanes: int = LANES
+    lanes: int
 
-    def filled(self, places: Sequence[int]) -> Array:
-        """Rows at the start, (rows, M)."""
-        own = [self.column[place] for place in places]
-        values = np.zeros((self.rows.count, len(places)))
+    def filled(self, loops: Sequence[int]) -> Array:
+        """Rows at the start, (rows, M), of some loops."""
+        values = np.zeros((self.rows.count, len(loops)))
         for row, numbers in self.rows.constants.items():
-            values[row] = numbers[own]
+            values[row] = numbers[loops]
         for name, numbers in self.start.items():
             if name in self.rows.named:
                 first = self.rows.named[name]
-                values[first : first + numbers.shape[0]] = numbers[:, own]
+                values[first : first + numbers.shape[0]] = numbers[:, loops]
         bundles = bundled(values, self.lanes)
         for address in self.prepare:
             for bundle in bundles:
                 machine.callable_code(address)(bundle.ctypes.data, 0.0, 0.0)
-        return columns(bundles)[:, : len(places)]
+        return columns(bundles)[:, : len(loops)]
 
 
-def experiment_part(alike: Mapping[int, PreparedLoop], *, record: bool) -> CompiledPart:
-    """Compile law and plant of loops alike in all that chooses branches, by place in the batch."""
-    loops, rests, steps = zip(*alike.values(), strict=True)
-    ordered = [*zip(loops, rests, strict=True)]
-    numbers = law_numbers(ordered)
-    plants = stacked([loop.plant for loop in loops])
-    counts = np.array(steps, dtype=np.float64).T
-    first = {
-        "state": np.array([rest.state for rest in rests]).T,
-        "demand": np.full((1, len(loops)), HIGHEST),
-        "steps": counts,
-        "length": np.array([loop.L for loop in loops]) / np.maximum(counts, 1.0),
-    }
-    written = experiment_code((plants, numbers), record, loops[0].controller.command or control.command)
-    return _compiled(
-        written, first | _first_rows(ordered, numbers), {place: k for k, place in enumerate(alike)}
-    )
+def experiment_part(alike: Sequence[PreparedLoop], *, record: bool) -> CompiledPart:
+    """Compile law and plant of loops alike in all that chooses branches."""
+    numbers = law_numbers(alike)
+    records = stacked([ready.loop.plant for ready in alike]), numbers
+    command = alike[0].loop.controller.command or control.command
+    return _compiled(experiment_code(records, record, command), _first_rows(alike, numbers), LANES)
 
 
-def single_part(loop: Loop, rest: Rest, *, sampled: bool) -> CompiledPart:
+def single_part(ready: PreparedLoop, *, sampled: bool) -> CompiledPart:
     """Compile the plant of one run by SciPy, and its sample unless Python does that."""
-    plant = stacked([loop.plant])
-    if not sampled:
-        return _compiled(single_code((plant,), control.command), {}, {0: 0}, lanes=1)
-    numbers = law_numbers([(loop, rest)])
-    written = single_code((plant, numbers), loop.controller.command or control.command)
-    return _compiled(written, _first_rows([(loop, rest)], numbers), {0: 0}, lanes=1)
+    plant, numbers = stacked([ready.loop.plant]), law_numbers([ready])
+    command = ready.loop.controller.command if sampled else None
+    written = single_code((plant, numbers) if sampled else (plant,), command or control.command)
+    return _compiled(written, _first_rows([ready], numbers), 1)
 
 
-def _compiled(
-    written: Written, start: dict[str, Array], column: dict[int, int], lanes: int = LANES
-) -> CompiledPart:
+def _compiled(written: Written, start: dict[str, Array], lanes: int) -> CompiledPart:
     sources, rows = written
     if lanes == 1:
         sources = {name: machine.of_one_lane(source) for name, source in sources.items()}
     code = {name: machine.assembled(source, "prepare", name) for name, source in sources.items()}
     prepare, run = zip(*code.values(), strict=True)
-    return CompiledPart(rows, start, column, dict(zip(code, run, strict=True)), prepare, lanes)
+    return CompiledPart(rows, start, dict(zip(code, run, strict=True)), prepare, lanes)
 
 
-def law_numbers(loops: Sequence[tuple[Loop, Rest]]) -> LawNumbers:
+def law_numbers(alike: Sequence[PreparedLoop]) -> LawNumbers:
     """Stack all numbers of loops but their plants'."""
     phases: dict[int, streaming.Thresholds] = {}
-    for name, loop in {id(loop.reference): loop for loop, _ in loops}.items():
+    for name, loop in {id(ready.loop.reference): ready.loop for ready in alike}.items():
         reference, period = loop.reference, round(loop.reference.period / loop.L)
         phases[name] = streaming.thresholds(reference.dq_d, reference.ddq_d, loop.L, period)
     return stacked(
@@ -310,27 +291,32 @@ def law_numbers(loops: Sequence[tuple[Loop, Rest]]) -> LawNumbers:
                 samples=np.array(float(loop.reference.time.size)),
                 block=np.array(float(loop.block)),
             )
-            for loop, rest in loops
+            for loop, rest, _ in alike
         ]
     )
 
 
-def _first_rows(loops: Sequence[tuple[Loop, Rest]], numbers: LawNumbers) -> dict[str, Array]:
+def _first_rows(alike: Sequence[PreparedLoop], numbers: LawNumbers) -> dict[str, Array]:
     """First values of rows, (rows, N), by the start-up rule."""
-    sources = {loop.noise_source: loop for loop, _ in loops}
+    sources = {ready.loop.noise_source: ready.loop for ready in alike}
     noise = {source: loop.unit_noise()(1)[0] for source, loop in sources.items()}
     at_start = [
-        (rest.state, noise[loop.noise_source], loop.torque_before(rest), loop.reference.q_d[0])
-        for loop, rest in loops
-    ]
-    state, first, tau, q_d = stacked(at_start)
+        (rest.state, noise[loop.noise_source], loop.torque_before(rest), loop.reference.q_d[0],
+         np.float64(steps), np.array(loop.L))
+        for loop, rest, steps in alike
+    ]  # fmt: skip
+    state, first, tau, q_d, steps, L = stacked(at_start)
     # Where an encoder is ideal there is no step to divide by.
     with np.errstate(divide="ignore", invalid="ignore"):
         memory = start(measure(state, first, numbers.law, numbers.hardware), q_d, tau, numbers.law)
     return {
-        "memory": np.concatenate([part.reshape(-1, len(loops)) for part in memory]),
+        "state": state,
+        "demand": np.full((1, len(alike)), HIGHEST),
+        "steps": steps,
+        "length": L / np.maximum(steps, 1.0),
+        "memory": np.concatenate([part.reshape(-1, len(alike)) for part in memory]),
         "pending": np.tile(tau, (longest(numbers.hardware.actuator.delay), 1)),
         "tau_before": tau,
         "H_before": tau,
-        "live": np.ones((1, len(loops))),
+        "live": np.ones((1, len(alike))),
     }

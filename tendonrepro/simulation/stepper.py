@@ -18,6 +18,7 @@ from tendonrepro.simulation.codegen.lanes import bundled
 from tendonrepro.simulation.codegen.machine import callable_code, callable_on_array
 from tendonrepro.simulation.kernel import single_part
 from tendonrepro.simulation.loop import Loop, Solver, measure, recorded, rest_at, sample, start
+from tendonrepro.simulation.resolution import PreparedLoop
 
 MOST_STEPS = 5000
 """Steps in one period after which a plant counts as one that cannot be resolved."""
@@ -89,11 +90,11 @@ class MachinePlant:
     def __init__(self, loop: Loop) -> None:
         n = loop.plant.preload.size
         self.rest = rest_at(loop.start_angles, loop.plant)
-        part = single_part(loop, self.rest, sampled=loop.controller.command is None)
+        ready = PreparedLoop(loop, self.rest, np.zeros(0, dtype=np.int64))
+        part = single_part(ready, sampled=loop.controller.command is None)
         self.code, self._named = part.code, part.rows.named
         self.rows: Array = bundled(part.filled([0]), part.lanes)[0]
         self.state, self.torque = self.lane("state", 4 * n), self.lane("torque", n)
-        self.state[:] = self.rest.state
         self.slope = callable_on_array(part.code["slope"], self.lane("slope", 4 * n))
 
     def lane(self, name: str, size: int) -> Array:
