@@ -268,8 +268,15 @@ def sample(
     """One sample, from a state (4 n,) and unit noise (3 n,) of joint encoders, motor encoders and torque."""
     n, actuator, S, S_inv = len(state) // 4, hardware.actuator, hardware.S, hardware.S_inv
     measured = measure(state, noise, law, hardware)
-    fed = (*desired[:2], law.feed_forward * desired[2]) if isinstance(law, Law) else desired
-    tau, signals, rate = _decide(memory, measured, fed, law, command)
+    q_d, dq_d, ddq_d = desired
+    signals: list[Array] = []
+    rate: Array | None = None
+    if isinstance(law, Servo):
+        assert isinstance(memory, ServoMemory)
+        tau = memory.tau + servo_torque(measured[1], memory.q_motor, q_d, dq_d, law)
+    else:
+        assert isinstance(memory, Memory)
+        tau, *signals, rate = command(memory, measured[0], q_d, dq_d, law.feed_forward * ddq_d, law)
     line = [tau, *pending]
     tau_m = applied_torque(pick(line, actuator.delay), actuator, S, S_inv)
     if isinstance(memory, ServoMemory):
@@ -283,10 +290,10 @@ def sample(
         own = command is not control.command
         kept = (np.nan_to_num(rate), np.nan_to_num(signals[0])) if own else (rate, signals[0])
         remember = getattr(command, "remember", control.remember)
-        memory = remember(memory, measured[0], desired[0], *kept, stored, law)
+        memory = remember(memory, measured[0], q_d, *kept, stored, law)
     bounded: Numeric = 1.0
     for i in range(n):
-        error = desired[0][i] - measured[0][i]
+        error = q_d[i] - measured[0][i]
         bounded = bounded * (abs(error) <= hardware.limit) * (abs(tau_m[i]) <= LARGEST_TORQUE)
     # The noise acts on the plant alone: no controller can know it.
     torque = tau_m + times(S_inv.T, actuator.noise * noise[2 * n :])
@@ -321,18 +328,6 @@ def start(measured: Two, q_d: Array, tau: Array, law: Law | Servo) -> Remembered
 def longest(count: Numeric) -> int:
     """Largest of whole numbers in which experiments side by side differ, or the one they share."""
     return int(np.max(count))
-
-
-def _decide(
-    memory: Remembered, measured: Two, desired: Three, law: Law | Servo, command: CommandFunction
-) -> tuple[Array, tuple[Array, ...], Array | None]:
-    """Torque, signals and rate; torque of position loops adds to the one that held the arm."""
-    if isinstance(memory, ServoMemory):
-        assert isinstance(law, Servo)
-        return memory.tau + servo_torque(measured[1], memory.q_motor, *desired[:2], law), (), None
-    assert isinstance(law, Law)
-    tau, H_hat, s, rate = command(memory, measured[0], *desired, law)
-    return tau, (H_hat, s), rate
 
 
 RECORDED = ("q_encoder", "q_motor_encoder", "tau_cmd", "tau_m")

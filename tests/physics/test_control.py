@@ -41,7 +41,6 @@ rates = st.floats(-5.0, 5.0)
 exponents = st.floats(0.05, 0.95)
 boundaries = st.floats(0.01, 0.5)
 scales = st.sampled_from([1.0, DEGREES_PER_RADIAN])
-vectors = st.lists(st.floats(-2.0, 2.0), min_size=N, max_size=N).map(np.array)
 properties = settings(max_examples=100, deadline=None)
 
 
@@ -147,28 +146,6 @@ class TestPhi:
         assert ETA * phi_slope(0.0, make_law(), 0) < BETA
 
 
-class TestBoundsOnTheSlidingSet:
-    """Eqs. (24) to (31): where an error ends while |s| stays within Omega."""
-
-    @staticmethod
-    def resting_error(Omega):
-        law = make_law()
-        path = solve_ivp(
-            lambda _, e: [Omega - ETA * phi(e[0], law, 0)], (0.0, 30.0), [0.0], rtol=1e-10, atol=1e-12
-        )
-        return path.y[0, -1]
-
-    def test_inside_the_boundary(self):
-        gamma_1, gamma_2 = polynomial(B, DELTA)
-        wanted = (-gamma_1 + np.sqrt(gamma_1**2 + 4.0 * gamma_2 * 0.1 / ETA)) / (2.0 * gamma_2)
-        assert self.resting_error(0.1) == pytest.approx(wanted, rel=1e-6)
-
-    @pytest.mark.parametrize("Omega", [0.01, 0.1, 0.3, 0.35, 0.5, 1.0])
-    def test_bound_holds_with_max(self, Omega):
-        limit = max(DELTA, (Omega / ETA) ** (1.0 / B))
-        assert self.resting_error(Omega) <= limit * (1.0 + 1e-6)  # it reaches the limit for large Omega
-
-
 class TestErrorRate:
     def test_difference_of_the_error_is_half_a_period_of_acceleration_away(self):
         a, memory = np.array([0.8, -0.3]), start_memory(np.zeros(N), np.zeros(N))
@@ -264,20 +241,6 @@ class TestCommand:
         pd = surface_and_feedback(e, de, make_law(surface=int(Surface.PD)), i)
         assert pd == pytest.approx((de + 1.6 * e, 10.0 * de + 16.0 * e), rel=1e-12, abs=1e-13)
         assert pd[1] == pytest.approx(tsm[1], rel=1e-12, abs=1e-13)
-
-    @properties
-    @given(st.integers(0, 1000), vectors, vectors, vectors, st.booleans())
-    def test_torque_less_estimate_is_M_bar_u(self, seed, q_d, dq_d, ddq_d, differenced):
-        law, memory = make_law(error_differenced=differenced), random_memory(seed)
-        q = np.random.default_rng(seed + 1).normal(0.0, 0.1, N)
-        tau, H_hat, s, de = command(memory, q, q_d, dq_d, ddq_d, law)
-        for i in range(N):
-            s_i, feedback = surface_and_feedback(q_d[i] - q[i], de[i], law, i)
-            assert s[i] == s_i
-            # tau and H_hat are up to 1e4 N m here, so their difference keeps 1e-11.
-            assert tau[i] - H_hat[i] == pytest.approx(M_BAR * (ddq_d[i] + feedback), abs=1e-11)
-        np.testing.assert_array_equal(H_hat, time_delay_estimate(memory, q, law))
-        np.testing.assert_array_equal(de, error_rate(memory, q, q_d, dq_d, law))
 
     def test_dropped_eta_changes_the_damping_only(self):
         kept, dropped = make_law(), make_law(rate_gain=np.ones(N))

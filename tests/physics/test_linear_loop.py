@@ -178,14 +178,6 @@ class TestLoop:
         # What is not linear: |gamma_2/gamma_1| 2e-5 in phi, 2e-5 in G. Growing loops pass this on.
         np.testing.assert_allclose(real, linear, atol=3e-5 * np.abs(linear).max())
 
-    def test_slow_poles_are_those_of_the_error_dynamics(self):
-        """Eq. (10): a stiff arm under Controller 3 keeps the poles -beta and -lam, to order L."""
-        plant = single_joint(0.05, 0.05, 1e6, 2.0 * np.sqrt(1e6 * 0.025), 0.0)
-        z = np.linalg.eigvals(loop_matrix(np.zeros(1), plant, single_law(0.0)))
-        slow = np.sort((np.log(z[np.abs(z) > 0.98]) / L).real)
-        # L times poles times the total inertia over M_bar, 10, bounds the shift.
-        np.testing.assert_allclose(slow, [-8.0, -2.0], rtol=0.15)
-
 
 class TestShippedPlant:
     @pytest.mark.parametrize(
