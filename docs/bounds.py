@@ -21,7 +21,7 @@ from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.published import METRICS, published
-from tendonrepro.configuration.shown import SHOWN
+from tendonrepro.configuration.models.readings import SHOWN
 from tendonrepro.experiments.loops import View, build_reference, run_views
 from tendonrepro.identification.goal import printed_numbers
 from tendonrepro.monte_carlo.data import EnsembleData, read_ensemble

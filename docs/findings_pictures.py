@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from tendonrepro.configuration.published import COMPARED, published
-from tendonrepro.configuration.shown import BOTH, STEPS
+from tendonrepro.configuration.models.readings import BOTH, STEPS
 from tendonrepro.monte_carlo.shares import RATIOS, printed_ratios
 from tendonrepro.reporting.figures import of_plants
 from tendonrepro.reporting.contents import Shown

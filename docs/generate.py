@@ -26,7 +26,7 @@ from stored_results import DOCS, nearest, of_joints, stored
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import COMPARED, published
-from tendonrepro.configuration.shown import GROUPS, KEPT
+from tendonrepro.configuration.models.readings import GROUPS, KEPT
 from tendonrepro.evidence.figure_predictions import draw_predictions
 from tendonrepro.identification.figures import draw_edits
 from tendonrepro.monte_carlo.shares import printed_ratios

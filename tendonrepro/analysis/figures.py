@@ -8,7 +8,7 @@ import numpy as np
 
 from tendonrepro.analysis.margins import ChannelMargins, angle_grid, channel, response
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.shown import run_in_words
+from tendonrepro.configuration.models.control import run_in_words
 from tendonrepro.experiments.loops import View
 from tendonrepro.physics.linear_loop import Complex, open_loop
 from tendonrepro.results.figures import style

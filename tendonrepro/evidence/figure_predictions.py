@@ -8,8 +8,7 @@ from textwrap import fill
 
 from matplotlib.lines import Line2D
 
-from tendonrepro.configuration.models.readings import PRINTED
-from tendonrepro.configuration.shown import in_words
+from tendonrepro.configuration.models.readings import PRINTED, in_words
 from tendonrepro.files import Json
 from tendonrepro.results.figures.style import (
     PAGE_MM,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from tendonrepro.configuration.shown import run_in_words
+from tendonrepro.configuration.models.control import run_in_words
 from tendonrepro.files import Json
 from tendonrepro.monte_carlo.figures import rows_figure
 from tendonrepro.results.figures import style

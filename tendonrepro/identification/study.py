@@ -18,8 +18,7 @@ from tendonrepro.configuration.load import CompareConfig
 from tendonrepro.configuration.models import readings as axes
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import errors_from
-from tendonrepro.configuration.models.readings import Reading, default_readings, named_readings
-from tendonrepro.configuration.shown import SHOWN
+from tendonrepro.configuration.models.readings import SHOWN, Reading, default_readings, named_readings
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import reference_period

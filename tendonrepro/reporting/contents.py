@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, TypeAlias
 import jinja2
 
 from tendonrepro.configuration.ensemble import load_ensemble
-from tendonrepro.configuration.shown import EVERY_RUN, SHOWN
+from tendonrepro.configuration.models.readings import EVERY_RUN, SHOWN
 from tendonrepro.configuration.strict_yaml import Node
 from tendonrepro.files import Json, read_json
 from tendonrepro.monte_carlo.report import COLUMNS, rows_of

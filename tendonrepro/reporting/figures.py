@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.configuration.models.readings import BOTH, GROUPS, PRINTED, STARTS_APART, STEPS
 from tendonrepro.configuration.published import published
-from tendonrepro.configuration.shown import BOTH, GROUPS, STARTS_APART, STEPS
 from tendonrepro.reporting.contents import Row, Shown
 from tendonrepro.results.figures.style import (
     PAGE_MM,

@@ -8,9 +8,8 @@ from typing import cast
 
 from tendonrepro.analysis.explain import steadied_by
 from tendonrepro.configuration.models.control import FIRST, SECOND
-from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.configuration.models.readings import PRINTED, STARTS_APART
 from tendonrepro.configuration.published import METRICS
-from tendonrepro.configuration.shown import STARTS_APART
 from tendonrepro.console import Talk, columns
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.run import CLOSEST

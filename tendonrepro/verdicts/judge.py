@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from tendonrepro.configuration.models.readings import PRINTED
+from tendonrepro.configuration.models.readings import PRINTED, is_choice
 from tendonrepro.configuration.published import (
     PrintedNumber,
     PrintedRatio,
@@ -15,7 +15,6 @@ from tendonrepro.configuration.published import (
     Published,
     published,
 )
-from tendonrepro.configuration.shown import is_choice
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError, did_you_mean
 from tendonrepro.files import Json, read_json, refuse_file, to_json

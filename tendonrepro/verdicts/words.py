@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
+from tendonrepro.configuration.models.readings import EVERY_RUN, in_words
 from tendonrepro.configuration.published import published
-from tendonrepro.configuration.shown import EVERY_RUN, in_words
 from tendonrepro.configuration.strict_yaml import dump
 from tendonrepro.console import columns, count_of
 from tendonrepro.files import to_json

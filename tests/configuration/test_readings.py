@@ -14,15 +14,16 @@ from tendonrepro.configuration.load import CompareConfig, shipped_folder
 from tendonrepro.configuration.models.control import RUNS, Readings
 from tendonrepro.configuration.models.readings import (
     AXES,
+    SETTINGS,
     VARIATIONS,
     Reading,
     case_of,
     default_readings,
+    in_words,
     parse_reading,
     reading,
     under,
 )
-from tendonrepro.configuration.shown import SETTINGS, in_words
 from tendonrepro.errors import UsageError
 from tendonrepro.evidence import hypotheses
 from tendonrepro.experiments.loops import build_loops

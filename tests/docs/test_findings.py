@@ -15,8 +15,7 @@ from support.pages import CONTROLLERS, DOCS, NEEDS_DOCS, cells_of, stored, table
 
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import CompareConfig, load_config
-from tendonrepro.configuration.models.readings import default_readings
-from tendonrepro.configuration.shown import BOTH, SHOWN
+from tendonrepro.configuration.models.readings import BOTH, SHOWN, default_readings
 from tendonrepro.reporting.contents import Row, Shown, read_shown
 from tendonrepro.reporting.figures import ANSWER
 from tendonrepro.results.figures.style import Drawing, imprint, journal_style

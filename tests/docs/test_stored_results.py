@@ -18,9 +18,8 @@ from support.pages import DOCS, NEEDS_DOCS, stored
 
 from tendonrepro.configuration.ensemble import load_ensemble, load_plants
 from tendonrepro.configuration.models.control import RUNS
-from tendonrepro.configuration.models.readings import PRINTED, default_readings, parse_reading
+from tendonrepro.configuration.models.readings import PRINTED, SHOWN, default_readings, parse_reading
 from tendonrepro.configuration.published import published
-from tendonrepro.configuration.shown import SHOWN
 from tendonrepro.identification.bench import Repeats, bench_of
 from tendonrepro.identification.goal import printed_numbers
 from tendonrepro.monte_carlo.ensemble import load_study

@@ -10,7 +10,7 @@ from support.browser import CHROMIUM, DRIVER, Browser
 from support.html_page import read_page
 
 from tendonrepro.configuration.load import load_config
-from tendonrepro.configuration.shown import SHOWN
+from tendonrepro.configuration.models.readings import SHOWN
 from tendonrepro.reporting.page import page, pictures, plate, stored_under
 from tendonrepro.verdicts import words
 from tendonrepro.verdicts.rules import VERDICTS

@@ -14,7 +14,7 @@ from support import ROOT
 from support.html_page import read_page
 from support.made_ensemble import DIVERGED, PLANTS, always_ok, ensemble, random_errors, whole
 
-from tendonrepro.configuration.shown import SHOWN
+from tendonrepro.configuration.models.readings import SHOWN
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import to_json
 from tendonrepro.monte_carlo.report import COLUMNS

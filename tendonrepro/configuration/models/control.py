@@ -22,6 +22,18 @@ def unloaded_run(name: str) -> str:
     return name.removesuffix(PAYLOAD) if name.endswith(PAYLOAD) else ""
 
 
+def run_in_words(run: str) -> str:
+    """What a reader calls a run.
+
+    Examples
+    --------
+    >>> run_in_words("controller_1_payload"), run_in_words("my_law")
+    ('Controller 1 with payload', 'My law')
+    """
+    words = (unloaded_run(run) or run).replace("_", " ").capitalize()
+    return f"{words} with payload" if unloaded_run(run) else words
+
+
 ALPHA = (FIRST, LOADED)
 TERMINAL = (FIRST, SECOND, LOADED)  # runs whose surface holds phi
 

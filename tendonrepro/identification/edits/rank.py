@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy.special import gammaln
 
 from tendonrepro.arrays import Array
+from tendonrepro.configuration.models.control import run_in_words
 from tendonrepro.configuration.published import METRICS
-from tendonrepro.configuration.shown import run_in_words
 from tendonrepro.files import Json
 from tendonrepro.identification.edits.rules import Variant, Variants
 from tendonrepro.identification.goal import Goal

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.shown import run_in_words
+from tendonrepro.configuration.models.control import run_in_words
 from tendonrepro.identification.edits.recorded import (
     ALPHA,
     APPLIED,

@@ -15,11 +15,10 @@ import numpy as np
 
 from tendonrepro import __version__
 from tendonrepro.configuration.load import CompareConfig, LoadedConfig, load_config
-from tendonrepro.configuration.models.control import RUNS, unloaded_run
+from tendonrepro.configuration.models.control import RUNS, run_in_words, unloaded_run
 from tendonrepro.configuration.models.readings import AXES
 from tendonrepro.configuration.published import METRICS, published, row_of
 from tendonrepro.configuration.quantity import Physical, Quantity, to_si
-from tendonrepro.configuration.shown import run_in_words
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import all_loops, friction_scale
