@@ -27,12 +27,7 @@ from tendonrepro.configuration.quantity import Value
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments import rig
 from tendonrepro.experiments.user_law import UserLaw, lane_function, own_loops
-from tendonrepro.physics import control, linear_loop, trajectory
-from tendonrepro.physics.control import DEGREES_PER_RADIAN, Law
-from tendonrepro.physics.dynamics import Plant
-from tendonrepro.physics.instruments import Actuator
-from tendonrepro.physics.metrics import Status, status_of
-from tendonrepro.physics.trajectory import Motion
+from tendonrepro.physics import control, dynamics, instruments, linear_loop, metrics, trajectory
 from tendonrepro.results.records import RESERVED
 from tendonrepro.simulation.loop import DesiredMotion, Loop, PositionController, Solver, TimeDelayController
 
@@ -79,7 +74,7 @@ def build_reference(
     return built
 
 
-def motions(reference: ReferenceConfig, joints: Sequence[int], folder: Path) -> list[Motion]:
+def motions(reference: ReferenceConfig, joints: Sequence[int], folder: Path) -> list[trajectory.Motion]:
     """What each joint follows; a trajectory file lies in `folder`."""
     if isinstance(reference, Sampled):
         return _sampled_motions(folder / reference.file, joints, reference.interpolation)
@@ -88,15 +83,17 @@ def motions(reference: ReferenceConfig, joints: Sequence[int], folder: Path) -> 
         return [motions(single, (joint,), folder)[0] for single, joint in parts]
     shapes = [reference.shape(i) for i in range(len(joints))]
     if not isinstance(reference, InTurns):
-        return [Motion((shape,), reference.duration) for shape in shapes]
+        return [trajectory.Motion((shape,), reference.duration) for shape in shapes]
     turns = (reference.turns or (tuple(joints),)) * int(reference.periods.si)
     return [
-        Motion(tuple(shape if joint in turn else trajectory.at_rest for turn in turns), reference.cycle)
+        trajectory.Motion(
+            tuple(shape if joint in turn else trajectory.at_rest for turn in turns), reference.cycle
+        )
         for shape, joint in zip(shapes, joints, strict=True)
     ]
 
 
-def _sampled_motions(path: Path, joints: Sequence[int], interpolation: str) -> list[Motion]:
+def _sampled_motions(path: Path, joints: Sequence[int], interpolation: str) -> list[trajectory.Motion]:
     time, angles = read_samples(path, interpolation)
     through = {"quintic": trajectory.sampled, "linear": trajectory.straight_lines}[interpolation]
     for joint in joints:
@@ -106,7 +103,7 @@ def _sampled_motions(path: Path, joints: Sequence[int], interpolation: str) -> l
         if start := np.rad2deg(angles[joint][0]):
             message = f"joint {joint} starts at {start:g} deg; it must start at 0, the start posture"
             raise ConfigError(message, where=f"{path}:2", hint="take the first angle off the whole column")
-    return [Motion((through(time, angles[joint]),), float(time[-1] - time[0])) for joint in joints]
+    return [trajectory.Motion((through(time, angles[joint]),), float(time[-1] - time[0])) for joint in joints]
 
 
 def _check_workspace(reference: DesiredMotion, config: Config, key: str) -> None:
@@ -121,20 +118,20 @@ def _check_workspace(reference: DesiredMotion, config: Config, key: str) -> None
         raise ConfigError(message, where=key, hint=hint)
 
 
-def build_law(config: CompareConfig, name: str) -> Law:
+def build_law(config: CompareConfig, name: str) -> control.Law:
     """Gains and readings of one of ``control.laws``."""
     gains, readings, choice = config.control.gains, config.control.readings, config.control.laws[name]
     n, L = len(config.joints), config.sampling_period.si
     alpha_tde = choice.estimator == "alpha_tde"
     alpha = gains.alpha.si if alpha_tde else np.zeros(n)
     dropped = choice.surface == "ntsm" and not alpha_tde and readings.eta_in_controller_2 == "dropped"
-    scale = 1.0 if readings.gain_unit == "radian" else DEGREES_PER_RADIAN
-    mass_scale = DEGREES_PER_RADIAN if readings.gain_unit == "law_in_degrees" else 1.0
+    scale = 1.0 if readings.gain_unit == "radian" else control.DEGREES_PER_RADIAN
+    mass_scale = control.DEGREES_PER_RADIAN if readings.gain_unit == "law_in_degrees" else 1.0
     cutoff = config.control.filter_cutoff
     # Weight of the newest value in a low-pass.
     low_pass = 1.0 if cutoff is None else 1.0 - np.exp(-2.0 * np.pi * cutoff.si * L)
     to_joint = torque_map(config)
-    return Law(
+    return control.Law(
         surface=int(control.Surface[choice.surface.upper()]),
         L=L,
         lag=PERIODS[readings.delay_time],
@@ -333,8 +330,8 @@ def reference_lag(config: CompareConfig) -> float:
 
 def _loop(
     config: Config,
-    plant: Plant,
-    actuator: Actuator,
+    plant: dynamics.Plant,
+    actuator: instruments.Actuator,
     controller: TimeDelayController | PositionController,
     reference: DesiredMotion,
 ) -> Loop:
@@ -356,21 +353,21 @@ def _loop(
     )
 
 
-def run_status(loop: Loop, variables: Mapping[str, Array]) -> tuple[Status, float]:
+def run_status(loop: Loop, variables: Mapping[str, Array]) -> tuple[metrics.Status, float]:
     """Status of a run and its time, as `status_of`; one shorter than its reference has diverged."""
     time = variables["time"]
     if time.size < loop.reference.time.size:
         return "diverged", float(time[-1])
     limits = loop.divergence_limit, loop.ringing_frequency, loop.ringing_share
-    return status_of(time, variables["e"], *limits)
+    return metrics.status_of(time, variables["e"], *limits)
 
 
 class View(NamedTuple):
     """One run as a linear loop."""
 
     law_name: str
-    law: Law
-    plant: Plant
+    law: control.Law
+    plant: dynamics.Plant
     payload: float
     delay: int
 

@@ -15,13 +15,11 @@ from tendonrepro.configuration.load import Config
 from tendonrepro.configuration.models.manipulator import DryFriction, EncoderConfig
 from tendonrepro.configuration.quantity import UNITS, Matrix, Physical, Scalar, Vector
 from tendonrepro.configuration.strict_model import Model
-from tendonrepro.physics import loads
+from tendonrepro.physics import instruments, loads, statics
 from tendonrepro.physics.arm import Arm, make_arm
 from tendonrepro.physics.drive import Drive, coupling_inverse, coupling_matrix, to_joint_matrix
 from tendonrepro.physics.dynamics import Plant
-from tendonrepro.physics.instruments import Actuator, Encoder
 from tendonrepro.physics.loads import Friction
-from tendonrepro.physics.statics import tensioner_side, tensioner_torque
 from tendonrepro.results.records import PlantRecord, PlantValue
 
 DISTURBANCE_STREAM = 3
@@ -85,8 +83,8 @@ def _friction(dry: DryFriction, viscous: Vector, n: int, scale: float) -> Fricti
 def build_preload(config: Config) -> Array:
     """Joint torque of tendon 4, N m, positive clockwise, (n,)."""
     tensioner, n = config.manipulator.tensioner, len(config.joints)
-    side = tensioner_side(tensioner.side, config.manipulator.joints)
-    return tensioner_torque(tensioner.force.si, side, tensioner.diameter.si)[-n:]
+    side = statics.tensioner_side(tensioner.side, config.manipulator.joints)
+    return statics.tensioner_torque(tensioner.force.si, side, tensioner.diameter.si)[-n:]
 
 
 def build_disturbance(config: Config) -> loads.Disturbance:
@@ -117,15 +115,15 @@ def build_plant(config: Config, payload_mass: float, friction_scale: float = 1.0
     )
 
 
-def build_encoder(encoder: EncoderConfig) -> Encoder:
+def build_encoder(encoder: EncoderConfig) -> instruments.Encoder:
     """Encoder of motors or joints."""
-    return Encoder(resolution=encoder.resolution.si, noise=encoder.noise.si)
+    return instruments.Encoder(resolution=encoder.resolution.si, noise=encoder.noise.si)
 
 
-def build_actuator(config: Config) -> Actuator:
+def build_actuator(config: Config) -> instruments.Actuator:
     """Motors' limits."""
     actuator = config.manipulator.actuator
-    return Actuator(
+    return instruments.Actuator(
         limit=actuator.torque_limit.si[-len(config.joints) :],
         resolution=actuator.torque_resolution.si,
         noise=actuator.torque_noise.si,

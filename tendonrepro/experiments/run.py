@@ -12,14 +12,7 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from tendonrepro.arrays import Array
-from tendonrepro.configuration.load import (
-    CompareConfig,
-    Config,
-    ConfigSource,
-    ExperimentName,
-    LoadedConfig,
-    load_config,
-)
+from tendonrepro.configuration.load import CompareConfig, Config, ConfigSource, LoadedConfig, load_config
 from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.configuration.overrides import Overrides
 from tendonrepro.configuration.strict_model import Model
@@ -31,12 +24,10 @@ from tendonrepro.experiments.user_law import UserLaw, runs_of, with_user_laws
 from tendonrepro.files import Json, refuse_file
 from tendonrepro.parallel import Start, counted, workers
 from tendonrepro.physics.linear_loop import SampledLoop, sampled_loop, stroke
+from tendonrepro.results import paper, store, summary
 from tendonrepro.results.figures import DRAWN, FORMATS
-from tendonrepro.results.paper import fitted_under, with_what_they_are
 from tendonrepro.results.paper_tables import made_tables, table_data
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.store import MANIFEST, read_manifest, replaced
-from tendonrepro.results.summary import USER_LAW, tension_sizes
 from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import TRACES, read_traces
 from tendonrepro.simulation.loop import Loop, TimeDelayController
@@ -161,7 +152,7 @@ def _law(config: Config, name: str, loop: Loop, laws: Sequence[UserLaw]) -> dict
     law, plant = own.get(name, (None, name))
     chosen = config.runs[plant]
     attributes = {
-        "law": f"{USER_LAW}{law.name}" if law else chosen.law,
+        "law": f"{summary.USER_LAW}{law.name}" if law else chosen.law,
         "gains": _vectors(config.control.gains),
         "readings": config.control.readings.model_dump(),
         "payload_mass": chosen.payload.si,
@@ -192,7 +183,7 @@ def trace_file(loaded: LoadedConfig, traces: Sequence[Trace], manifest: Json) ->
         config_sha256=loaded.sha256,
         manifest=manifest,
     )
-    return with_what_they_are(file, loaded.tree)
+    return paper.with_what_they_are(file, loaded.tree)
 
 
 def experiment_result(file: TraceFile) -> Result:
@@ -226,10 +217,10 @@ def _linear(file: TraceFile, run: str, at: str) -> SampledLoop:
 
 
 def _notes(file: TraceFile, growing_hz: Mapping[str, float]) -> Iterator[str]:
-    if under := fitted_under(file):
+    if under := paper.fitted_under(file):
         yield f"The plant was fitted to the published tables under {under}, so agreement proves nothing."
     for name, trace in file.runs.items():
-        if sizes := tension_sizes(file, trace):
+        if sizes := summary.tension_sizes(file, trace):
             for tendon, seconds in zip(trace.joint, sizes["slack_s"], strict=True):
                 if seconds:
                     yield f"Tendon {tendon} does not pull in {name} for {seconds:.3f} s."
@@ -255,9 +246,9 @@ def experiment_study(experiment: Prepared, folder: Folder) -> Study:
 
 def paper_experiments(changes: Overrides | None, seed: int | None) -> dict[str, Prepared]:
     """Both experiments of the paper, and the comparison fitted to its tables, which runs only as shipped."""
-    names: tuple[ExperimentName, ...] = ("decouple", "compare")
-    experiments: dict[str, Prepared] = {
-        name: prepared(load_config(None, name, overrides=changes, seed=seed)) for name in names
+    experiments = {
+        "decouple": prepared(load_config(None, "decouple", overrides=changes, seed=seed)),
+        "compare": prepared(load_config(None, "compare", overrides=changes, seed=seed)),
     }
     if not changes and seed is None:
         experiments[CLOSEST] = prepared(load_config(CLOSEST, "compare"))
@@ -304,12 +295,12 @@ def redraw(
     with workers(len(asked)) as start:
         for folder, file in files.items():
             # Measured traces lie in a folder without a manifest.
-            if not (folder / MANIFEST).exists():
+            if not (folder / store.MANIFEST).exists():
                 written += make(file, folder)
                 continue
             sha256, command = file.config_sha256, file.experiment
-            with replaced(folder, sha256, command=command, force=force, update=True) as result:
-                result.manifest = read_manifest(folder)
+            with store.replaced(folder, sha256, command=command, force=force, update=True) as result:
+                result.manifest = store.read_manifest(folder)
                 made = make(file, result.path)
                 drawn = {*result.manifest.get("figure_formats", ()), *(path.suffix[1:] for path in made)}
                 result.manifest |= {"figure_formats": [name for name in FORMATS if name in drawn]}
@@ -324,7 +315,7 @@ def _stored(out: Path) -> dict[Path, TraceFile]:
     if not paths:
         message = f"holds no {TRACES}, and no folder in it does"
         hint = "run tendonrepro reproduce, or name another --out"
-        if (out / MANIFEST).exists():
+        if (out / store.MANIFEST).exists():
             hint = "figures and tables of this result are made by its command alone: run that again"
         raise DataMissingError(message, where=str(out), hint=hint)
     return {path.parent: read_traces(path.parent) for path in paths}

@@ -7,14 +7,7 @@ import numpy as np
 from tendonrepro.configuration.models.readings import BOTH, GROUPS, PRINTED, STARTS_APART, STEPS
 from tendonrepro.configuration.published import published
 from tendonrepro.reporting.contents import Row, Shown
-from tendonrepro.results.figures.style import (
-    PAGE_MM,
-    Drawing,
-    Look,
-    journal_style,
-    mark_cut,
-    open_figure,
-)
+from tendonrepro.results.figures import style
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.words import percent
 
@@ -33,10 +26,10 @@ _ANSWER_RATIO = (0.5, 1.72)
 """Ends of the axis of `draw_answer`."""
 
 
-@journal_style()
-def draw_answer(shown: Shown) -> Drawing:
+@style.journal_style()
+def draw_answer(shown: Shown) -> style.Drawing:
     """Draw the mean error of joint 2, Controller 1 over Controller 2, in the rows of `ANSWER`."""
-    figure = open_figure(PAGE_MM, 74.0)
+    figure = style.open_figure(style.PAGE_MM, 74.0)
     panel = figure.subplots()
     rows = [(shown.box[name], *row) for name, row in ANSWER.items() if name in shown.box]
     errors = [published().number(f"table2.{name}.mae.joint_2") for name in CONTROLLERS[:2]]
@@ -47,9 +40,9 @@ def draw_answer(shown: Shown) -> Drawing:
     for place, (row, _, colour) in enumerate(rows):
         ends = [row["c1_c2_joint_2_q05"], row["c1_c2_joint_2_q95"]]
         panel.plot(ends, [place] * 2, color=colour, linewidth=4.0, solid_capstyle="butt")
-        look: Look = {"markersize": 6.0, "mfc": "white", "mec": colour, "mew": 1.6, "zorder": 3.0}
+        look: style.Look = {"markersize": 6.0, "mfc": "white", "mec": colour, "mew": 1.6, "zorder": 3.0}
         panel.plot([row["c1_c2_joint_2_median"]], [place], "o", **look)
-        mark_cut(panel, (ends[0], ends[1]), place, _ANSWER_RATIO, colour)
+        style.mark_cut(panel, (ends[0], ends[1]), place, _ANSWER_RATIO, colour)
     panel.set(xscale="log", xlim=_ANSWER_RATIO, ylim=(len(rows) - 0.5, -1.2))
     ticks = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.2, 1.4, 1.6)
     panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
@@ -74,7 +67,7 @@ def draw_answer(shown: Shown) -> Drawing:
         "with its motion. Dark blue: the runs differ by their controllers alone. Pale blue: something else "
         "differs, or the paper leaves it unsaid. Grey: an equation is changed."
     )
-    return Drawing("answer", figure, [panel], caption, origin=of_plants(shown))
+    return style.Drawing("answer", figure, [panel], caption, origin=of_plants(shown))
 
 
 # Told apart in grey print by lightness: dark, light, lightest, middle.
@@ -88,8 +81,8 @@ _LABELLED = 0.08
 """Shares from here on have their number in the bar."""
 
 
-@journal_style()
-def draw_orders(shown: Shown) -> Drawing:
+@style.journal_style()
+def draw_orders(shown: Shown) -> style.Drawing:
     """Draw the shares of the orders, a row for each labelled reading."""
     rows: list[tuple[str, str]] = []
     for title, names in GROUPS.items():
@@ -97,7 +90,7 @@ def draw_orders(shown: Shown) -> Drawing:
             rows += [(title, ""), *labelled]
     labels = [label for label, _ in rows]
     readings = [shown.box.get(name) for _, name in rows]
-    figure = open_figure(PAGE_MM, 26.0 + 5.6 * len(rows))
+    figure = style.open_figure(style.PAGE_MM, 26.0 + 5.6 * len(rows))
     panel = figure.subplots()
     counts = [f"{reading['plants']:,.0f}" if reading else "" for reading in readings]
     counts[0] = f"stable plants\nof {shown.plants['box']:,}"
@@ -124,7 +117,7 @@ def draw_orders(shown: Shown) -> Drawing:
         "to it. A place counts where it holds in mean absolute error (MAE) and root mean square error "
         "(RMSE) on both joints."
     )
-    return Drawing("orders", figure, [panel], caption, origin=of_plants(shown))
+    return style.Drawing("orders", figure, [panel], caption, origin=of_plants(shown))
 
 
 def order_shares(reading: Row) -> list[float]:

@@ -30,12 +30,7 @@ from tendonrepro.physics.dynamics import state_derivative
 from tendonrepro.physics.trajectory import at_rest
 from tendonrepro.reporting.live.controls import Inputs, factor_to, inputs_of
 from tendonrepro.simulation.codegen.lanes import mapped
-from tendonrepro.simulation.codegen.printed import (
-    Place,
-    PlacesTape,
-    function_source,
-    split_by_input,
-)
+from tendonrepro.simulation.codegen.printed import Place, PlacesTape, function_source, split_by_input
 from tendonrepro.simulation.codegen.symbols import Operand, Symbol, needed
 from tendonrepro.simulation.kernel import runge_kutta
 from tendonrepro.simulation.loop import Hardware, measure, rest_at, sample, start
