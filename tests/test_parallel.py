@@ -117,6 +117,20 @@ def test_who_leaves_early_leaves_no_thread_behind_that_dies(monkeypatch: pytest.
     assert not died
 
 
+def begun(folder: Path, script: str, *words: str) -> subprocess.Popen[str]:
+    """A script on its way, in a group of its own: a terminal interrupts all processes of a command."""
+    path = folder / "script.py"
+    path.write_text(script, encoding="utf-8")
+    return subprocess.Popen(
+        [sys.executable, path, *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=hear_interrupts,  # noqa: PLW1509 (there are no threads here)
+        start_new_session=True,
+    )
+
+
 # Neither a main guard nor an importable function: a script or a console has none.
 SLEEPERS = r"""
 import os, time
@@ -139,22 +153,11 @@ with workers() as start:
 @pytest.mark.skipif(sys.platform == "win32", reason="no signals there")
 @pytest.mark.parametrize("number", ["SIGKILL", "SIGINT"])
 def test_workers_end_with_a_killed_or_interrupted_parent(tmp_path: Path, number: str) -> None:
-    script = tmp_path / "sleepers.py"
-    script.write_text(SLEEPERS)
-    parent = subprocess.Popen(
-        [sys.executable, script],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        preexec_fn=hear_interrupts,  # noqa: PLW1509 (there are no threads here)
-        start_new_session=True,
-    )
+    parent = begun(tmp_path, SLEEPERS)
     assert parent.stdout is not None
     workers = [psutil.Process(int(parent.stdout.readline())) for _ in range(2)]
-    # A terminal interrupts all processes of a command.
     os.killpg(parent.pid, signal.SIGINT) if number == "SIGINT" else parent.kill()
-    parent.wait(60)
-    parent.stdout.close()
+    parent.communicate(timeout=60)
     _, alive = psutil.wait_procs(workers, timeout=30)
     assert not alive
 
@@ -191,16 +194,7 @@ except KeyboardInterrupt:
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT for a child there")
 @pytest.mark.parametrize("way", ["in_order", "as_they_come"])
 def test_an_interrupt_says_nothing_of_work_that_waits(tmp_path: Path, way: str) -> None:
-    script = tmp_path / "pieces.py"
-    script.write_text(PIECES)
-    parent = subprocess.Popen(
-        [sys.executable, script, way],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=hear_interrupts,  # noqa: PLW1509 (there are no threads here)
-        start_new_session=True,
-    )
+    parent = begun(tmp_path, PIECES, way)
     assert parent.stdout is not None
     assert parent.stdout.readline() == "begun\n"
     os.killpg(parent.pid, signal.SIGINT)
