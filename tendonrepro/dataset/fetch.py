@@ -14,19 +14,10 @@ from requests import RequestException, Response, Session
 from requests.adapters import HTTPAdapter
 from urllib3.util import Retry
 
-from tendonrepro import __version__
+from tendonrepro import __version__, files
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
-from tendonrepro.files import (
-    Json,
-    locked,
-    md5_of,
-    read_json,
-    refuse_file,
-    require_space,
-    to_json,
-    write_atomically,
-)
+from tendonrepro.files import Json
 from tendonrepro.results.tables import Table
 
 SITE = "https://zenodo.org"
@@ -56,11 +47,11 @@ def run_fetch(record: str, out: Path, base_url: str | None, force: bool, dry_run
         If the record or its files cannot be had, or a name in it is none of a file below the folder.
     """
     number = record_number(record)
-    refuse_file(out)
+    files.refuse_file(out)
     lock_path = out.resolve().with_name(f"{out.resolve().name}.lock.json")
     lock: Json = {}
     if lock_path.exists():
-        lock = read_json(lock_path, "remove it, and fetch asks for the record again")
+        lock = files.read_json(lock_path, "remove it, and fetch asks for the record again")
     if number not in (lock.get("record"), lock.get("requested")):
         if lock and not force:
             message = f"holds record {lock['record']}, not {number}"
@@ -74,12 +65,12 @@ def run_fetch(record: str, out: Path, base_url: str | None, force: bool, dry_run
         if path.exists() and not force:
             hint = "move it away, or say --force to replace it"
             raise UsageError("is not the file of the record", where=str(path), hint=hint)
-    require_space(out / "files", sum(file["size"] for file in wanted))
+    files.require_space(out / "files", sum(file["size"] for file in wanted))
     if not dry_run:
         _obtain(wanted, out, lock, talk)
-        write_atomically(lock_path, to_json(lock))
-    files = [file | {"action": "downloaded" if file in wanted else "present"} for file in lock["files"]]
-    return lock | {"out": str(out), "lock": str(lock_path), "dry_run": dry_run, "files": files}
+        files.write_atomically(lock_path, files.to_json(lock))
+    told = [file | {"action": "downloaded" if file in wanted else "present"} for file in lock["files"]]
+    return lock | {"out": str(out), "lock": str(lock_path), "dry_run": dry_run, "files": told}
 
 
 def fetch_text(fetched: Json) -> str:
@@ -110,7 +101,7 @@ def _is_plain(key: str) -> bool:
 
 
 def _is_same(path: Path, file: Json) -> bool:
-    return path.is_file() and path.stat().st_size == file["size"] and md5_of(path) == file["md5"]
+    return path.is_file() and path.stat().st_size == file["size"] and files.md5_of(path) == file["md5"]
 
 
 def _described(site: str, number: str) -> Json:
@@ -121,14 +112,14 @@ def _described(site: str, number: str) -> Json:
         try:
             data = response.json()
             meta, number_now = data["metadata"], str(data["id"])
-            files = [
+            listed = [
                 {"key": file["key"], "size": file["size"], "md5": file["checksum"].removeprefix("md5:")}
                 for file in data.get("files") or ()
             ]
         except (ValueError, KeyError, TypeError) as error:
             hint = f"a proxy or a login page may be in the way: look at {url}, {BY_HAND}"
             raise DataMissingError("the answer is no record", where=url, hint=hint) from error
-    if not files:
+    if not listed:
         raise DataMissingError(f"record {number} shows no files", where=url, hint="ask its authors")
     return {
         "schema_version": 3,
@@ -140,7 +131,7 @@ def _described(site: str, number: str) -> Json:
         "version": meta.get("version"),
         "licence": (meta.get("license") or {}).get("id"),
         "fetched_at": datetime.now(UTC).isoformat(timespec="seconds"),
-        "files": files,
+        "files": listed,
     }
 
 
@@ -172,12 +163,12 @@ def _asked(session: Session, url: str, start: int = 0) -> Response:
     raise DataMissingError(f"the site answers {said}", where=url, hint=hint)
 
 
-def _obtain(files: list[Json], out: Path, lock: Json, talk: Talk) -> None:
+def _obtain(wanted: list[Json], out: Path, lock: Json, talk: Talk) -> None:
     only_writer = out.with_name(f".{out.name}.lock")
     out.mkdir(parents=True, exist_ok=True)
-    size = sum(file["size"] for file in files)
-    with locked(only_writer, out), _session() as session, talk.bar("fetching", size) as advance:
-        for file in files:
+    size = sum(file["size"] for file in wanted)
+    with files.locked(only_writer, out), _session() as session, talk.bar("fetching", size) as advance:
+        for file in wanted:
             target = out / file["key"]
             target.parent.mkdir(parents=True, exist_ok=True)
             # The digest in its name tells a part of this very file from one of another version.

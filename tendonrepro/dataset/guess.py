@@ -391,9 +391,8 @@ def guess_mapping(tables: Sequence[Columns], title: str) -> Suggestion:
     for guess in sorted(guesses, key=lambda guess: bool(guess.asked)):
         for name, payload in guess.runs.items():
             run = runs.setdefault(name, RunGuess(name))
-            mass = payload or math.nan
-            if not run.columns and not math.isnan(mass) and mass != published().number("hardware.payload"):
-                run.extras["payload_mass_kg"] = f"{mass:g}"
+            if payload and math.isfinite(payload) and payload != published().number("hardware.payload"):
+                run.extras.setdefault("payload_mass_kg", f"{payload:g}")
             if why := _left_out(run, guess):
                 left.append(f"{_quoted(guess.column)}: {guess.use}  # {why}")
             else:

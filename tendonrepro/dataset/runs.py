@@ -38,6 +38,8 @@ _MOST_POINTS = 5000
 _FINEST = 0.02
 """Step of the grid on which curves are put, at most, s."""
 
+Rows: TypeAlias = NDArray[np.bool_]
+"""Which rows of a table."""
 Curves: TypeAlias = dict[Use, tuple[Array, Array]]
 """Times, s, and values, SI, of each signal."""
 
@@ -161,7 +163,7 @@ def _of_table(table: Columns, uses: dict[str, Use], run: RunMapping, notes: list
 
 def _rows_and_times(
     table: Columns,
-    filled: NDArray[np.bool_],
+    filled: Rows,
     clock: str | None,
     uses: Mapping[str, Use],
     run: RunMapping,
@@ -338,13 +340,13 @@ def by_clock(table: Columns, uses: Mapping[str, Use]) -> dict[str | None, list[s
     return columns_of
 
 
-def by_rows(table: Columns, columns: Sequence[str]) -> list[tuple[NDArray[np.bool_], list[str]]]:
+def by_rows(table: Columns, columns: Sequence[str]) -> list[tuple[Rows, list[str]]]:
     """Columns of one clock by the rows that hold them: all of them together, or some where others have gaps.
 
     A union of logs has a row for each time of each.
     """
     every = np.ones(len(next(iter(table.values()))), dtype=bool)
-    groups: list[tuple[NDArray[np.bool_], list[str]]] = []
+    groups: list[tuple[Rows, list[str]]] = []
     for column in columns:
         values = table[column]
         rows = np.isfinite(values) if values.dtype.kind == "f" else every
@@ -356,7 +358,7 @@ def by_rows(table: Columns, columns: Sequence[str]) -> list[tuple[NDArray[np.boo
     return groups if len(groups) > 1 else [(every, list(columns))]
 
 
-def _alternate(rows: NDArray[np.bool_], others: NDArray[np.bool_]) -> bool:
+def _alternate(rows: Rows, others: Rows) -> bool:
     """Whether rows lie among others, but are seldom the same."""
     least = min(rows.sum(), others.sum())
     if not least or 2 * (rows & others).sum() >= least:

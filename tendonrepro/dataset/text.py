@@ -26,10 +26,7 @@ _MOST_BREAKS = 8
 _OPENS = re.compile(r'(?:^|[\t;,|])\s*"')
 """Quote before a cell, where those that close again are taken off."""
 _CHUNK = 2**20
-_WAYS: tuple[tuple[str | None, bool], ...] = (
-    *((separator, False) for separator in ("\t", ";", ",", "|", None)),
-    *((separator, True) for separator in ("\t", ";", ",", None)),
-)
+_WAYS = [(separator, comma) for comma in (False, True) for separator in ("\t", ";", ",", "|", None)]
 """Separators, None for blanks, and whether decimals have a comma."""
 
 
