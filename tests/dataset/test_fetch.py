@@ -134,24 +134,16 @@ def test_a_name_that_is_none_below_the_folder_is_refused_before_anything_is_writ
     assert not any("/files/" in path for path, _ in repository.log)
 
 
-@pytest.mark.parametrize("key", ["../escaped.csv", "..\\escaped.csv"])
-def test_a_name_in_a_lock_is_looked_at_as_one_in_a_record(fetch, tmp_path, key):
+def test_a_name_in_a_lock_is_looked_at_as_one_in_a_record(fetch, tmp_path):
     with serving(Repository()) as repository:
         fetch(repository)
         path = tmp_path / "zenodo.lock.json"
         lock = json.loads(path.read_text())
-        lock["files"][0]["key"] = key
+        lock["files"][0]["key"] = "../escaped.csv"
         path.write_text(json.dumps(lock))
         with pytest.raises(DataMissingError):
             fetch(repository)
     assert not (tmp_path / "escaped.csv").exists()
-
-
-@pytest.mark.parametrize("content", ["", "{", "[]"])
-def test_a_damaged_lock_is_a_sentence(fetch, tmp_path, content):
-    (tmp_path / "zenodo.lock.json").write_text(content)
-    with serving(Repository()) as repository, pytest.raises(DataMissingError, match=r"zenodo\.lock\.json"):
-        fetch(repository)
 
 
 def test_another_record_needs_force(fetch):

@@ -77,12 +77,7 @@ def test_every_placeholder_left_is_asked_for_at_once():
 
 @pytest.mark.parametrize(
     ("step", "unit", "most", "checks"),
-    [
-        (0.01, "s", 3.1, 5),
-        (0.2, "ms", 3.1, 6),
-        (1e4, "us", 3.3, 6),
-        (1e7, "ns", 3.3, 6),
-    ],
+    [(0.01, "s", 3.1, 5), (0.2, "ms", 3.1, 6), (1e4, "us", 3.3, 6), (1e7, "ns", 3.3, 6)],
 )
 def test_units_that_no_name_says_are_guessed_by_size(step, unit, most, checks):
     """Beyond half a turn the angles of a table are degrees; but for seconds a guess has its mark."""

@@ -12,7 +12,6 @@ from support import matlab_bytes as made
 
 from tendonrepro.dataset.nested import read_matlab
 from tendonrepro.dataset.read import read_file
-from tendonrepro.dataset.tables import Unreadable
 
 SAMPLES = Path(os.environ.get("TENDONREPRO_MATLAB_SAMPLES", "nowhere"))
 TIMES = np.linspace(0.0, 0.9, 10)
@@ -40,12 +39,6 @@ def test_arrays_and_structs(tmp_path, version):
     assert list(found["data.c1"]) == ["t", "q[1]", "q[2]"]
     assert_array_equal(found["data.c2"]["q[2]"], WAVES[:, 1])
     assert_array_equal(found[""]["q_d[1]"], WAVES[:, 0])
-
-
-def test_struct_arrays_count_from_one(tmp_path):
-    runs = made.records({"t": TIMES, "q2": WAVES[:, 0]}, {"t": TIMES, "q2": WAVES[:, 1]})
-    found = written(tmp_path, "5", runs=runs)
-    assert_array_equal(found["runs.2"]["q2"], WAVES[:, 1])
 
 
 MATRICES = np.moveaxis(WAVES.reshape(10, 2, 1) * np.ones(1), 0, -1)
@@ -102,17 +95,6 @@ def signal(name, values):
     return made.thing(
         "Simulink.SimulationData.Signal", PropagatedName="", BlockPath=path, Values=values, Name=name
     )
-
-
-@OBJECTS
-def test_a_dataset_of_simulink(tmp_path, version):
-    elements = [
-        signal(name, made.timeseries(k * WAVES[:, :1], TIMES)) for k, name in ((1, "q2"), (2, "q2_d"))
-    ]
-    found = written(tmp_path, version, logsout=logged(*elements))
-    (found,) = found.values()
-    assert list(found) == ["time (s)", "q2", "q2_d"]
-    assert_array_equal(found["q2_d"], 2.0 * WAVES[:, 0])
 
 
 @OBJECTS
@@ -215,11 +197,3 @@ def test_one_broken_variable_does_not_stop_the_rest(tmp_path, monkeypatch):
     monkeypatch.setattr(matio, "load_from_mat", failing)
     found = written(tmp_path, "objects 7.3", a=made.timeseries(WAVES, TIMES), b=WAVES)
     assert list(found[""]) == ["b[1]", "b[2]"]
-
-
-@pytest.mark.parametrize("data", [b"", b"this is no MATLAB file" * 10, b"\x89HDF\r\n\x1a\n"])
-def test_other_files_are_refused(tmp_path, data):
-    path = tmp_path / "SYNTHETIC.mat"
-    path.write_bytes(data)
-    with pytest.raises(Unreadable):
-        read_file(path, "SYNTHETIC.mat")

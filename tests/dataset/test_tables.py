@@ -1,11 +1,7 @@
 """Tables in texts and workbooks: what is written comes back under the names above it."""
 
-import numpy as np
-import openpyxl
 import pytest
-from numpy.testing import assert_array_equal
 
-from tendonrepro.dataset.read import read_workbook
 from tendonrepro.dataset.tables import FEWEST, Unreadable
 from tendonrepro.dataset.text import read_text_table
 
@@ -86,26 +82,7 @@ def test_rows_above_the_numbers(head, names, tmp_path):
     assert list(of_text(head + NUMBERS, tmp_path)) == names
 
 
-def test_gaps_are_gaps_and_words_stay_words(tmp_path):
-    found = of_text("t,q,law\n" + "0,1,a\n1,,b\n2,ERR,b\n" + "3,4,b\n" * FEWEST, tmp_path)
-    assert_array_equal(found["q"][:4], [1.0, np.nan, np.nan, 4.0])
-    assert found["law"][:2].tolist() == ["a", "b"]
-
-
 @pytest.mark.parametrize("text", ["SYNTHETIC\nPayload: 0.2 kg", "rate,1000\nSYNTHETIC", ""])
 def test_a_text_for_people_is_no_table(text, tmp_path):
     with pytest.raises(Unreadable):
         of_text(text, tmp_path)
-
-
-def test_sheets_of_a_workbook(tmp_path):
-    book = openpyxl.Workbook()
-    for title in ("Controller 1", "Notes", "C2"):
-        sheet = book.create_sheet(title)
-        for row in [["A title"], [], ["t", None, "q2"], *([k, None, 2.0 * k] for k in range(FEWEST))]:
-            sheet.append(row if title != "Notes" else ["words", "and more"])
-    path = tmp_path / "SYNTHETIC.xlsx"
-    book.save(path)
-    found = read_workbook(path)
-    assert list(found) == ["Controller 1", "C2"]
-    assert_array_equal(found["C2"]["q2"], 2.0 * found["C2"]["t"])

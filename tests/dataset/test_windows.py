@@ -10,9 +10,7 @@ from support.synthetic import PERIOD, make_compare_file
 from tendonrepro.configuration.published import published
 from tendonrepro.dataset.windows import (
     NUMBERS,
-    PrintedTables,
     Timing,
-    Tried,
     chance_of_at_least,
     spans,
     try_windows,
@@ -41,14 +39,6 @@ def test_a_constant_offset_is_found_to_have_been_taken_off():
     assert found.winner.name == "whole, offset removed"
 
 
-def test_the_first_with_all_numbers_wins_and_else_the_first_decides():
-    given = {"a": 1.0, "b": 2.0}
-    none, some, whole, again = (Tried(ids, False, given, tuple(ids)) for ids in ("", "a", "ab", "ba"))
-    found = PrintedTables((none, some), {}, 0.0)
-    assert (found.best, found.winner, found.deciding) == (some, None, none)
-    assert PrintedTables((none, some, whole, again), {}, 0.0).winner is whole
-
-
 def test_windows_that_keep_the_same_samples_count_once():
     names = [one.window for one in try_windows(make_compare_file(), published(), TIMING).tried]
     assert len(names) == 2 * len(set(names))
@@ -68,14 +58,6 @@ def test_an_incomplete_last_period_and_a_late_start_are_told_apart():
     assert found["period_2"] == slice(1100, 2100)
     assert list(spans(time, Timing(0.0, 0.0))) == ["whole", "with_standstill"]
     assert spans(time, Timing(99.0, 10.0)) == spans(time, Timing(0.0, 10.0))
-
-
-def test_averages_begin_with_the_motion():
-    """Twice the printed errors while the arm stood still count only where the standstill is asked for."""
-    file = printed_file(lambda time: time >= 2.0 - 1e-9)
-    found = try_windows(file, published(), dict.fromkeys(TIMING, Timing(2.0, 0.0)))
-    assert [one.name for one in found.tried[:2]] == ["whole", "with_standstill"]
-    assert found.winner is found.deciding is found.tried[0]
 
 
 @pytest.mark.parametrize(("start", "first"), [(3.004, 100), (3.0055, 101), (3.006, 101)])
