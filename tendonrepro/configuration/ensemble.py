@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal, TypeAlias
 
@@ -196,45 +196,27 @@ def checked_ensemble(draft: Draft, changes: Sequence[Override]) -> LoadedEnsembl
     )
 
 
-def ranges_of(ranges: Ranges) -> dict[str, Ends]:
-    """Ends of the factors on the values of keys.
-
-    Raises
-    ------
-    UsageError
-        For another form, a key that does not vary or is given twice, or ends that are none.
-    """
-    if isinstance(ranges, Mapping):
-        given = [(key, [float(end) for end in ends]) for key, ends in ranges.items()]
-    else:
-        given = [_read(text) for text in ranges or ()]
-    checked = {}
-    for key, ends in given:
-        if key not in ROWS:
-            message = f"no key {key!r} varies around an arm{did_you_mean(key, ROWS)}"
-            raise UsageError(message, where="--range", hint=f"There are: {', '.join(ROWS)}")
-        if key in checked:
-            message, hint = f"{key} is given twice", "name each key once"
-            raise UsageError(message, where="--range", hint=hint)
-        if len(ends) != 2 or not 1.0 / MOST <= ends[0] <= ends[1] <= MOST:
-            shown = ",".join(f"{end:g}" for end in ends)
-            message = (
-                f"{key}: needs two factors from {1.0 / MOST:g} to {MOST:g}, the smaller first, found {shown}"
-            )
-            raise UsageError(message, where="--range", hint=f"{key}=0.5,2 is half to twice the arm's value")
-        checked[key] = (ends[0], ends[1])
-    return checked
-
-
-def refuse_off(config: CompareConfig, keys: Iterable[str]) -> None:
-    """Raise a UsageError for a key on which nothing depends, because the arm has its effect off."""
-    moving = slice(-len(config.joints), None)
-    for key in keys:
+def _ranges_on(config: CompareConfig, ranges: Ranges) -> dict[str, Ends]:
+    """Ends of the factors on the values of keys that vary, once each, and act on the arm."""
+    checked: dict[str, Ends] = {}
+    for key, ends in ranges.items() if isinstance(ranges, Mapping) else map(_read, ranges or ()):
         owner = _OF.get(key, key)
-        if not np.any(held_values(config.manipulator, owner)[moving]):
-            message = f"{owner} is 0 on {config.manipulator.name}, so nothing depends on {key}"
+        if key not in ROWS:
+            wrong, hint = f"no key {key!r} varies around an arm{did_you_mean(key, ROWS)}", ", ".join(ROWS)
+        elif key in checked:
+            wrong, hint = f"{key} is given twice", "name each key once"
+        elif len(ends) != 2 or not 1.0 / MOST <= ends[0] <= ends[1] <= MOST:
+            factors = f"two factors from {1.0 / MOST:g} to {MOST:g}, the smaller first"
+            wrong = f"{key}: needs {factors}, found {','.join(f'{end:g}' for end in ends)}"
+            hint = f"{key}=0.5,2 is half to twice the arm's value"
+        elif not np.any(held_values(config.manipulator, owner)[-len(config.joints) :]):
+            wrong = f"{owner} is 0 on {config.manipulator.name}, so nothing depends on {key}"
             hint = f"give the arm a {owner} above 0, or leave this range out"
-            raise UsageError(message, where="--range", hint=hint)
+        else:
+            checked[key] = (float(ends[0]), float(ends[1]))
+            continue
+        raise UsageError(wrong, where="--range", hint=hint)
+    return checked
 
 
 def _read(text: str) -> tuple[str, list[float]]:
@@ -263,36 +245,6 @@ _DRAWING = {("hardware", "drawn"), ("motion", "ramp"), ("starts", "apart"), ("ru
 """Settings of readings whose numbers are rows of the box."""
 
 
-def _around(
-    source: ConfigLike,
-    spread: float | None,
-    ranges: Ranges,
-    overrides: Overrides | None,
-    seed: int | None,
-) -> LoadedEnsemble:
-    """Read a comparison, around whose arm plants are drawn."""
-    if spread is not None and not 0.0 < spread <= MOST - 1.0:
-        raise UsageError(f"must be above 0 and at most {MOST - 1.0:g}, found {spread:g}", where="--spread")
-    own = ranges_of(ranges)
-    base = load_config(source, "compare", overrides=overrides)
-    assert isinstance(base.config, CompareConfig)
-    missing = PRINTED_LAWS.keys() - base.config.control.laws.keys()
-    if missing:
-        words = f"control.laws: missing {', '.join(sorted(missing))}, which others are compared with"
-        raise ConfigError(words, where=base.origin)
-    refuse_off(base.config, own)
-    shipped = load_ensemble(None, seed=seed)
-    content = {"ranges": shipped.config.model_dump(mode="json"), "base": base.sha256, "spread": spread}
-    return replace(
-        shipped,
-        base=base,
-        tree=base.tree,
-        sha256=load.config_digest(content | ({"own": own} if own else {})),
-        origin=base.origin,
-        around=Around(base.config.manipulator.name, spread, own),
-    )
-
-
 def load_plants(
     source: ConfigLike,
     spread: float | None = None,
@@ -310,15 +262,32 @@ def load_plants(
     ConfigError
         If the comparison has not the three laws that are compared.
     """
-    text = load.find_source(source, "ensemble")
-    tree = strict_yaml.load(text.text, text.origin)
-    if isinstance(tree, dict) and tree.get("experiment") == "compare":
-        return _around(text, spread, ranges, overrides, seed)
-    if spread is not None or ranges:
-        option = "--range" if spread is None else "--spread"
-        message = "is for plants around an arm of your own"
-        raise UsageError(message, where=option, hint="name its comparison, --config compare.yaml")
-    return load_ensemble(text, overrides=overrides, seed=seed)
+    source = load.find_source(source, "ensemble")
+    tree = strict_yaml.load(source.text, source.origin)
+    if not isinstance(tree, dict) or tree.get("experiment") != "compare":
+        if spread is not None or ranges:
+            option = "--range" if spread is None else "--spread"
+            message = "is for plants around an arm of your own"
+            raise UsageError(message, where=option, hint="name its comparison, --config compare.yaml")
+        return load_ensemble(source, overrides=overrides, seed=seed)
+    if spread is not None and not 0.0 < spread <= MOST - 1.0:
+        raise UsageError(f"must be above 0 and at most {MOST - 1.0:g}, found {spread:g}", where="--spread")
+    base = load_config(source, "compare", overrides=overrides)
+    assert isinstance(base.config, CompareConfig)
+    own = _ranges_on(base.config, ranges)
+    if missing := PRINTED_LAWS.keys() - base.config.control.laws.keys():
+        words = f"control.laws: missing {', '.join(sorted(missing))}, which others are compared with"
+        raise ConfigError(words, where=base.origin)
+    shipped = load_ensemble(None, seed=seed)
+    content = {"ranges": shipped.config.model_dump(mode="json"), "base": base.sha256, "spread": spread}
+    return replace(
+        shipped,
+        base=base,
+        tree=base.tree,
+        sha256=load.config_digest(content | ({"own": own} if own else {})),
+        origin=base.origin,
+        around=Around(base.config.manipulator.name, spread, own),
+    )
 
 
 def with_all_controllers(loaded: LoadedEnsemble) -> LoadedEnsemble:

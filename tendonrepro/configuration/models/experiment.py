@@ -92,10 +92,6 @@ class Experiment(Model):
     solver: SolverConfig
     status: StatusLimits
 
-    def _mistakes(self) -> Mistakes:
-        assert isinstance(self, CompareConfig | DecoupleConfig)
-        return _misfits(self)
-
 
 class CompareRun(Model):
     """One run of the comparison."""
@@ -118,6 +114,18 @@ class CompareConfig(Experiment):
     errors_from: (
         Annotated[Scalar, nonneg("s", "start of each run that errors in tables leave out")] | None
     ) = None
+
+    def _mistakes(self) -> Mistakes:
+        yield from _misfits(self)
+        laws, reference = self.control.laws, self.reference
+        for name, run in self.runs.items():
+            if run.law not in laws:
+                yield ("runs", name, "law"), f"must be one of {', '.join(laws)}, found {run.law!r}"
+            if run.start_offset is not None:
+                key = ("runs", name, "start_offset", "value")
+                yield from _beyond_range(self, key, run.start_offset)
+        if not isinstance(reference, Sampled) and errors_from(self) >= reference.duration:
+            yield ("errors_from", "value"), f"must be before the end of the motion, {reference.duration:g} s"
 
 
 class PositionLoop(Model):
@@ -142,6 +150,9 @@ class DecoupleConfig(Experiment):
     experiment: Literal["decouple"]
     position_loop: PositionLoop
     runs: Annotated[dict[Identifier, DecoupleRun], Field(min_length=1, description="runs by name")]
+
+    def _mistakes(self) -> Mistakes:
+        return _misfits(self)
 
 
 Config: TypeAlias = CompareConfig | DecoupleConfig
@@ -186,20 +197,6 @@ def _misfits(config: Config) -> Mistakes:
             yield (*path, *at), message
     if "plant" in config.runs:
         yield ("runs", "plant"), "is the name of something else among the results; choose another"
-    if isinstance(config, CompareConfig):
-        yield from _compare_misfits(config)
-
-
-def _compare_misfits(config: CompareConfig) -> Mistakes:
-    laws, reference = config.control.laws, config.reference
-    for name, run in config.runs.items():
-        if run.law not in laws:
-            yield ("runs", name, "law"), f"must be one of {', '.join(laws)}, found {run.law!r}"
-        if run.start_offset is not None:
-            key = ("runs", name, "start_offset", "value")
-            yield from _beyond_range(config, key, run.start_offset)
-    if not isinstance(reference, Sampled) and errors_from(config) >= reference.duration:
-        yield ("errors_from", "value"), f"must be before the end of the motion, {reference.duration:g} s"
 
 
 def _beyond_range(config: CompareConfig, key: Key, offset: Vector) -> Mistakes:
