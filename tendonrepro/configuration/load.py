@@ -362,7 +362,7 @@ def _only(config: Config, tree: Tree, numbers: Sequence[int]) -> CompareConfig:
         message = f"there are no runs of all of {', '.join(sorted(wanted)) or 'none'}"
         raise UsageError(message, where="--controllers", hint=f"Laws with a run: {', '.join(laws)}")
     kept = {name: run for name, run in config.runs.items() if run.law in wanted}
-    tree["runs"] = {name: run for name, run in strict_yaml.section(tree, "runs").items() if name in kept}
+    tree["runs"] = {name: run for name, run in tree["runs"].items() if name in kept}
     return config.model_copy(update={"runs": kept})
 
 

@@ -17,7 +17,7 @@ from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.models.reference import ReferenceConfig
 from tendonrepro.configuration.published import COMPARED
 from tendonrepro.configuration.quantity import UNITS, to_si
-from tendonrepro.configuration.strict_yaml import Node, Section, Tree, section
+from tendonrepro.configuration.strict_yaml import Node, Tree, entry
 from tendonrepro.physics.trajectory import trapezoid_times
 
 GRID = 0.01
@@ -63,7 +63,7 @@ def drawn_comparison(base: Tree, draw: Draw, shortest_run: float) -> CompareConf
     return readings.as_printed(CompareConfig.model_validate(tree))
 
 
-def scaled_comparison(base: Tree, factors: Draw, source: str) -> Section:
+def scaled_comparison(base: Tree, factors: Draw, source: str) -> Tree:
     """Plain values of a comparison whose arm's values are multiplied by factors, by row; the others stay.
 
     A row of each joint ends in its number. Centres of mass and inertias move with what they are shares of.
@@ -77,22 +77,22 @@ def scaled_comparison(base: Tree, factors: Draw, source: str) -> Section:
         for i in range(count)
     ]
     for name, row in PER_JOINT.items():
-        quantity = section(arm, *row.key.split("."))
+        quantity = entry(arm, row.key.split("."))
         each = [row.put(factors.get(f"{name}_{i + 1}", 1.0), joint) for i, joint in enumerate(joints)]
         quantity |= {"value": (np.array(quantity["value"]) * each).tolist(), "source": source}
     for name, row in SHARED.items():
         if name in factors:
-            quantity = section(arm, *row.key.split("."))
+            quantity = entry(arm, row.key.split("."))
             quantity |= {"value": (np.array(quantity["value"]) * factors[name]).tolist(), "source": source}
     return tree
 
 
-def _copied(tree: Mapping[str, Node]) -> Section:
+def _copied(tree: Mapping[str, Node]) -> Tree:
     """Copy of sections, whose values themselves are shared."""
     return {key: _copied(value) if isinstance(value, Mapping) else value for key, value in tree.items()}
 
 
-def _drawn(value: object, unit: str, row: str) -> Section:
+def _drawn(value: object, unit: str, row: str) -> Tree:
     return {"value": value, "unit": unit, "source": readings.of_row(row)}
 
 
@@ -105,11 +105,11 @@ def idle_rows(draw: Draw) -> set[str]:
     return idle | ({"clearance"} if word_of(draw, "clearance_at") == "none" else set())
 
 
-def _put_arm(arm: Section, draw: Draw) -> None:
+def _put_arm(arm: Tree, draw: Draw) -> None:
     """Fill in the manipulator of the paper's arm; joint 1 is held, so its entries do not matter."""
 
     def put(key: str, value: object, row: str) -> None:
-        quantity: Section = section(arm, *key.split("."))
+        quantity = entry(arm, key.split("."))
         alike = isinstance(quantity["value"], list) and not isinstance(value, list)
         value = [value] * len(quantity["value"]) if alike else value
         quantity |= _drawn(value, UNITS[quantity["unit"]].si, row)
@@ -141,8 +141,8 @@ def _put_arm(arm: Section, draw: Draw) -> None:
     arm["tensioner"]["side"] = readings.AXES["tensioner"].printed
 
 
-def _disturbance(draw: Draw) -> Section:
-    disturbance: Section = {"kind": word_of(draw, "disturbance")}
+def _disturbance(draw: Draw) -> Tree:
+    disturbance: Tree = {"kind": word_of(draw, "disturbance")}
     if disturbance["kind"] != "none":
         torque = [draw["disturbance_torque"]] * len(COMPARED)
         disturbance["torque"] = _drawn(torque, "N m", "disturbance_torque")
@@ -156,7 +156,7 @@ def _disturbance(draw: Draw) -> Section:
     return disturbance
 
 
-def _reference(draw: Draw, shortest_run: float) -> Section:
+def _reference(draw: Draw, shortest_run: float) -> Tree:
     """Motion of both joints, by equal angles except in ``unequal``."""
     name = word_of(draw, "motion")
     kind, rows = _MOTIONS[name]

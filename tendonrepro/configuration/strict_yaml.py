@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn, Self, TypeAlias
 
@@ -14,10 +14,8 @@ from tendonrepro.errors import ConfigError
 
 Node: TypeAlias = "dict[str, Node] | list[Node] | str | int | float | bool | None"
 """A value as YAML and JSON have it."""
-Tree: TypeAlias = dict[str, Node]
-"""Values by their keys."""
-Section: TypeAlias = dict[str, Any]
-"""Part of a tree that is known to be sound."""
+Tree: TypeAlias = dict[str, Any]
+"""Values by their keys, as deep as they go."""
 Key: TypeAlias = tuple[str | int, ...]
 
 Parsed: TypeAlias = Any
@@ -91,7 +89,7 @@ def place(tree: Parsed, path: Key, name: str) -> Location:
     return here
 
 
-def entry(tree: Parsed, path: Key) -> Parsed:
+def entry(tree: Parsed, path: Iterable[str | int]) -> Parsed:
     """What stands at a path, None where nothing does."""
     for key in path:
         tree = tree[key] if holds(tree, key) else None
@@ -147,15 +145,6 @@ def dump(tree: Node) -> str:
         tree, Dumper=_Dumper, sort_keys=False, default_flow_style=None, allow_unicode=True, width=110
     )
     return text
-
-
-def section(tree: Tree, *path: str) -> Tree:
-    """A mapping inside a tree that is known to be whole."""
-    for key in path:
-        inner = tree[key]
-        assert isinstance(inner, dict)
-        tree = inner
-    return tree
 
 
 def holds(node: object, key: str | int) -> bool:

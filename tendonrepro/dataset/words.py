@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from tendonrepro.configuration.strict_yaml import Section, load, read_text
+from tendonrepro.configuration.strict_yaml import Tree, load, read_text
 
 _FILE = Path(__file__).with_name("words.yaml")
-_TABLE: Section = load(read_text(_FILE), str(_FILE))
+_TABLE: Tree = load(read_text(_FILE), str(_FILE))
 _GROUPS = {word: group for group, words in _TABLE["words"].items() for word in words}
 """Group of each word."""
 _CUTS = re.compile(f"({'|'.join(sorted(_GROUPS, key=len, reverse=True))})")

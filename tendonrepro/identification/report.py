@@ -15,7 +15,7 @@ from tendonrepro.configuration.load import CompareConfig, load_config
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import METRICS
 from tendonrepro.configuration.rows import idle_rows
-from tendonrepro.configuration.strict_yaml import Section, dump, section
+from tendonrepro.configuration.strict_yaml import Tree, dump, entry
 from tendonrepro.console import count_of
 from tendonrepro.files import Json, write_atomically
 from tendonrepro.identification.bench import Simulated
@@ -172,7 +172,7 @@ def _within(box: Population) -> str:
     return "these ranges" if box.around else "the box"
 
 
-def _sourced_draw(config: CompareConfig, box: Population, source: str, rows: Sequence[str]) -> Section:
+def _sourced_draw(config: CompareConfig, box: Population, source: str, rows: Sequence[str]) -> Tree:
     """A draw of the paper's ranges; each number says whether its row was searched, or is the base's."""
     del box
     searched = "|".join(f"{row}|{_OF_JOINT.sub('', row)}" for row in rows)
@@ -184,14 +184,15 @@ def _sourced_draw(config: CompareConfig, box: Population, source: str, rows: Seq
     return _plain(re.sub(f'{_DRAWN}([^"]*)', told, config.model_dump_json(exclude_none=True)))
 
 
-def _sourced_arm(config: CompareConfig, box: Population, source: str, rows: Sequence[str]) -> Section:
+def _sourced_arm(config: CompareConfig, box: Population, source: str, rows: Sequence[str]) -> Tree:
     """An arm of one's own; what was not searched keeps the source that it has."""
     tree, base = _plain(config.model_dump_json(exclude_none=True)), box.loaded.base
     for key in dict.fromkeys(row.key for row in box.rows):
         moving = (key, *_FOLLOWS.get(key, ()))
         searched = [row for row in box.rows if row.key in moving and row.name in rows]
-        value = section(tree, "manipulator", *key.split("."))
-        value["source"] = own = section(base.tree, "manipulator", *key.split("."))["source"]
+        path = ("manipulator", *key.split("."))
+        value = entry(tree, path)
+        value["source"] = own = entry(base.tree, path)["source"]
         if searched:
             moved = {row.joint for row in searched}
             all_joints = None in moved or len(moved) == config.manipulator.joints
@@ -203,14 +204,14 @@ def _sourced_arm(config: CompareConfig, box: Population, source: str, rows: Sequ
     return tree
 
 
-def _plain(text: str) -> Section:
+def _plain(text: str) -> Tree:
     """JSON as plain values, an integer where a number is whole: the schema wants counts to be."""
 
     def plain(number: str) -> float:
         value = float(number)
         return int(value) if value.is_integer() else value
 
-    found: Section = json.loads(text, parse_float=plain)
+    found: Tree = json.loads(text, parse_float=plain)
     return found
 
 
@@ -218,7 +219,7 @@ def arm_values(config: CompareConfig, box: Population) -> dict[str, tuple[float,
     """The value that each factor gives an arm of one's own, with its unit, by the row's name."""
     found, arm = {}, _plain(config.manipulator.model_dump_json())
     for row in box.rows if box.around else ():
-        quantity: Section = section(arm, *row.key.split("."))
+        quantity = entry(arm, row.key.split("."))
         held = np.atleast_1d(quantity["value"])[row.joint - 1 if row.joint else -1]
         found[row.name] = float(held), quantity["unit"]
     return found

@@ -14,7 +14,7 @@ from tendonrepro.configuration.load import LoadedConfig, load_config
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.published import published
-from tendonrepro.configuration.strict_yaml import Tree, dump, section
+from tendonrepro.configuration.strict_yaml import Tree, dump
 from tendonrepro.console import Talk
 from tendonrepro.dataset.motion import Knots, recorded, thinned, zero_of
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
@@ -205,14 +205,14 @@ def write_compare(measurement: Measurement, base: LoadedConfig, name: str, folde
     tree = dict(base.tree)
     tree["title"] = f"{tree['title']}, on the reference measured in {name}"
     tree["reference"] = _write_motion(reference.knots, reference.record.joint, folder / "reference.csv")
-    entries = dict(section(tree, "runs"))
+    entries = dict(tree["runs"])
     tree["runs"] = entries
     for run in runs.keys() & entries.keys():
-        mass, payload = float(runs[run].attributes["payload_mass"]), section(entries, run, "payload")
+        mass, payload = float(runs[run].attributes["payload_mass"]), entries[run]["payload"]
         if payload["unit"] == "kg" and mass != payload["value"]:
             source = f"identified: the mass stated for {name}"
             stated: Tree = {"value": mass, "unit": "kg", "source": source}
-            entries[run] = section(entries, run) | {"payload": stated}
+            entries[run] = entries[run] | {"payload": stated}
     zeros = {run: zero_of(trace, reference) for run, trace in runs.items()}
     write_atomically(folder / "compare.yaml", dump(tree))
     return zeros
@@ -243,7 +243,7 @@ def write_decouple(measurement: Measurement, base: LoadedConfig, name: str, fold
     tree["title"] = f"{tree['title']}, on the {drives}' angles measured in {name}"
     knots = thinned(recorded(trace, variable))
     motion = _write_motion(knots, trace.joint, folder / "decouple_reference.csv")
-    tree["runs"] = {"decouple": section(tree, "runs", "decouple") | {"drives": drives, "reference": motion}}
+    tree["runs"] = {"decouple": tree["runs"]["decouple"] | {"drives": drives, "reference": motion}}
     write_atomically(folder / "decouple.yaml", dump(tree))
     return {trace.name: float(trace.time[0])}
 
