@@ -68,7 +68,7 @@ def recover(
         Trace file, or results folder with one.
     """
     from tendonrepro.configuration.load import load_config
-    from tendonrepro.evidence.recover_report import recover_result
+    from tendonrepro.evidence.recover import recover_result
     from tendonrepro.results.traces import read_traces
 
     file, loaded = read_traces(Path(log)), load_config(config, "compare", overrides=set)

@@ -20,7 +20,6 @@ from tendonrepro.evidence.hypotheses import (
     NTSM,
     PID,
     Hypothesis,
-    Regression,
     coefficient_slopes,
     coefficients,
     hypotheses,
@@ -103,7 +102,7 @@ class Fit:
         return float(np.abs(np.log(ratio)).sum()) if (ratio > 0.0).all() else float("inf")
 
 
-def possible(parameters: Array) -> bool:
+def _possible(parameters: Array) -> bool:
     """Whether M_bar is positive, and no weight beyond those of any interpretation."""
     return bool(parameters[2] > 0.0 and np.abs(parameters[:2]).max() <= 2.0)
 
@@ -119,7 +118,10 @@ def ranked(log: Log, joint: int, rounding: tuple[float, float] = (0.0, 0.0)) -> 
     rows = rows_of_all(
         window, joint, [hypothesis for hypothesis in candidates if hypothesis.surface == LINEAR]
     )
-    errors = [_held_out_error(window, joint, hypothesis, _least_squares, rows) for hypothesis in candidates]
+    errors = [
+        _held_out_error(regression(window, joint, hypothesis)[rows], rows, hypothesis, _least_squares)
+        for hypothesis in candidates
+    ]
     # With free coefficients some are the same equation, and count as one.
     sizes = np.round(np.log(np.maximum(errors, 1e-300)), 6)
     order = [k for k in np.argsort(errors, kind="stable") if np.isfinite(sizes[k])]
@@ -138,7 +140,7 @@ def ranked(log: Log, joint: int, rounding: tuple[float, float] = (0.0, 0.0)) -> 
         bases = list(dict.fromkeys([*printed, best[0]]))
         if with_filters := [filtered for base in bases for filtered in _filtered(window, joint, base)]:
             fits = _fitted_alike(log, joint, [*tried, *with_filters], rounding)
-    fits = [fit for fit in fits if possible(fit.parameters)] or fits
+    fits = [fit for fit in fits if _possible(fit.parameters)] or fits
     equal = equally_good(fits)
     # phi(k e; k Delta) = k^b phi(e; Delta): Delta and phi in degrees differ in eta alone. Gains decide.
     return sorted(
@@ -156,9 +158,7 @@ def rows_of_all(log: Log, joint: int, needing: Sequence[Hypothesis]) -> Rows:
     """Samples that every one of some hypotheses can foretell."""
     kept = np.ones(len(log.q), dtype=np.bool_)
     for hypothesis in needing:
-        known = np.zeros_like(kept)
-        known[regression(log, joint, hypothesis).rows] = True
-        kept &= known
+        kept &= np.isfinite(regression(log, joint, hypothesis)).all(axis=1)
     return np.flatnonzero(kept)
 
 
@@ -171,6 +171,8 @@ def _fitted_alike(
         _with_best_cutoff(log, joint, hypothesis, rows) if hypothesis.newest < 1.0 else hypothesis
         for hypothesis in tried
     ]
+    # Where a cutoff fell, the filter has more to forget first.
+    rows = np.intersect1d(rows, rows_of_all(log, joint, refined), assume_unique=True)
     return [fitted(log, joint, hypothesis, rounding, rows) for hypothesis in refined]
 
 
@@ -183,24 +185,23 @@ def equally_good(fits: Sequence[Fit]) -> list[Fit]:
 
 def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, float], rows: Rows) -> Fit:
     """Fit a hypothesis to samples of a joint; see :func:`ranked`."""
-    whole, parameters, information = _solution(log, joint, hypothesis, rows)
-    regressed = regression(log, joint, hypothesis).of(rows)
-    columns = np.column_stack([regressed.X, regressed.y])
+    columns = regression(log, joint, hypothesis)[rows]
+    whole, parameters, information = _solution(columns, hypothesis)
     parts = _without_each(columns)
     near, nears = parameters, parts
     if hypothesis.newest < 1.0:
         # The cutoff was fitted, too: intervals count what it moves.
-        slope = _cutoff_slope(log, joint, hypothesis, rows, parameters)
-        near, nears = np.append(parameters, 0.0), _without_each(np.insert(columns, -1, slope, axis=1))
+        near = np.append(parameters, 0.0)
+        nears = _without_each(_with_cutoff_slope(log, joint, hypothesis, rows, parameters))
     left_out = np.stack([_solved(part, hypothesis, near) for part in nears])[:, : parameters.size]
-    residual = _held_out_error(log, joint, hypothesis, _by_parameters, rows)
+    residual = _held_out_error(columns, rows, hypothesis, _by_parameters)
     step = float(np.sqrt(np.nanmean(np.diff(log.command[:, joint]) ** 2)))
     scaled = whole[:, :-1] / _sizes(whole[:, :-1])
     # What is zero throughout, such as the acceleration of a ramp, is no regressor.
     scaled = scaled[:, scaled.any(axis=0)]
     without, without_left_out = parameters, left_out
     if residual > SAME * step and any(rounding):
-        errors = rows.size * _errors_of(regressed, parameters, hypothesis, rounding, log.L)
+        errors = rows.size * _errors_of(columns, rows, parameters, hypothesis, rounding, log.L)
         without = _without_errors(whole, parameters, errors, hypothesis)
         share = 1.0 - 1.0 / GROUPS
         without_left_out = np.stack(
@@ -212,7 +213,7 @@ def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, 
     # Errors may sit in what the controller remembered, or not: intervals have both answers.
     half = _half_width(parameters, left_out, without, without_left_out)
     gain, *gains = (
-        error_gain_of(values, hypothesis) for values in (parameters, left_out, without, without_left_out)
+        _error_gain_of(values, hypothesis) for values in (parameters, left_out, without, without_left_out)
     )
     return Fit(
         hypothesis=hypothesis,
@@ -231,35 +232,39 @@ def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, 
 
 def _half_width(values: Array, left_out: Array, without: Array, without_left_out: Array) -> Array:
     """Half the interval around values that has theirs, and that of other values."""
-    other = np.abs(without - values) + jackknife_half_width(without_left_out)
-    return np.maximum(jackknife_half_width(left_out), other)
+    other = np.abs(without - values) + _jackknife_half_width(without_left_out)
+    return np.maximum(_jackknife_half_width(left_out), other)
 
 
 def _without_each(columns: Array) -> list[Array]:
     """Triangular factors of samples, with one of `GROUPS` stretches left out each."""
-    factors = [np.asarray(np.linalg.qr(part, mode="r")) for part in np.array_split(columns, GROUPS)]
-    others = [np.vstack(factors[:k] + factors[k + 1 :]) for k in range(GROUPS)]
-    return [np.asarray(np.linalg.qr(part, mode="r")) for part in others]
+    factors = [_factor(part) for part in np.array_split(columns, GROUPS)]
+    return [_factor(np.vstack(factors[:k] + factors[k + 1 :])) for k in range(GROUPS)]
 
 
 def _errors_of(
-    regressed: Regression, parameters: Array, hypothesis: Hypothesis, rounding: tuple[float, float], L: float
+    columns: Array,
+    rows: Rows,
+    parameters: Array,
+    hypothesis: Hypothesis,
+    rounding: tuple[float, float],
+    L: float,
 ) -> Array:
     """Mean products of the errors of rounding in the columns of regressors, and of the torque behind them.
 
     Of a step the variance is a twelfth of its square; an acceleration has six of the angle's, over L^4.
     """
     torque, angle = (step**2 / 12.0 for step in rounding)
-    products = np.zeros([regressed.X.shape[1] + 1] * 2)
+    products = np.zeros([columns.shape[1]] * 2)
     products[[0, 1], [0, 1]], products[[2, 3], [2, 3]] = torque, 6.0 * angle / L**4
     if angle or not hypothesis.remembers_commands:
         return products
     # Where an encoder's step moves the torque by nearly whole or half steps, errors of rounding follow one
     # another. What is left, n_0 - w_1 n_1 - w_2 n_2, has their mean products at one and two delays.
-    left, lag = regressed.y - regressed.X @ coefficients(parameters, hypothesis), hypothesis.lag
+    left, lag = columns[:, -1] - columns[:, :-1] @ coefficients(parameters, hypothesis), hypothesis.lag
     w_1, w_2 = parameters[:2]
-    follow = np.isin(regressed.rows - lag, regressed.rows)
-    before = np.searchsorted(regressed.rows, regressed.rows[follow] - lag)
+    follow = np.isin(rows - lag, rows)
+    before = np.searchsorted(rows, rows[follow] - lag)
     square, product = np.mean(left**2), np.mean(left[follow] * left[before])
     white = 1.0 + w_1**2 + w_2**2
     if square > MOST_OF_ROUNDING * white * torque:
@@ -279,26 +284,24 @@ def _errors_of(
     return products
 
 
-def _solution(log: Log, joint: int, hypothesis: Hypothesis, rows: Rows) -> tuple[Array, Array, float]:
+def _solution(columns: Array, hypothesis: Hypothesis) -> tuple[Array, Array, float]:
     """Triangular factor of samples, parameters that fit them best, and the information criterion."""
-    regressed = regression(log, joint, hypothesis).of(rows)
-    factor = _factor(regressed.X, regressed.y)
+    factor = _factor(columns)
     parameters = _solved(factor, hypothesis)
     # Errors of the record are in the torque and in both remembered ones: heavy weights make them larger.
     noise = float(np.sqrt(1.0 + np.sum(_remembered(parameters, hypothesis) ** 2)))
     error = _residual(factor, coefficients(parameters, hypothesis)) / noise
     count = parameters.size + (hypothesis.newest < 1.0)
-    of_error = rows.size * float(np.log(max(error, 1e-300) ** 2 / rows.size))
-    return factor, parameters, of_error + count * float(np.log(rows.size))
+    samples = len(columns)
+    of_error = samples * float(np.log(max(error, 1e-300) ** 2 / samples))
+    return factor, parameters, of_error + count * float(np.log(samples))
 
 
 def _with_best_cutoff(log: Log, joint: int, hypothesis: Hypothesis, rows: Rows) -> Hypothesis:
     """With the filter's cutoff that fits best together with the parameters."""
     for _ in range(CUTOFF_STEPS):
-        _, parameters, _ = _solution(log, joint, hypothesis, rows)
-        slope = _cutoff_slope(log, joint, hypothesis, rows, parameters)
-        regressed = regression(log, joint, hypothesis).of(rows)
-        factor = _factor(np.column_stack([regressed.X, slope]), regressed.y)
+        parameters = _solved(_factor(_known(regression(log, joint, hypothesis)[rows])), hypothesis)
+        factor = _factor(_with_cutoff_slope(log, joint, hypothesis, rows, parameters))
         step = float(np.clip(_solved(factor, hypothesis, np.append(parameters, 0.0))[-1], -0.5, 0.5))
         hypothesis = replace(hypothesis, newest=_newest(_logit(hypothesis.newest) + step))
         if abs(step) < 1e-9:
@@ -306,25 +309,29 @@ def _with_best_cutoff(log: Log, joint: int, hypothesis: Hypothesis, rows: Rows) 
     return hypothesis
 
 
-def _cutoff_slope(log: Log, joint: int, hypothesis: Hypothesis, rows: Rows, parameters: Array) -> Array:
-    """Slope (K,) of what a filtered hypothesis foretells, by the logit of its filter's newest weight."""
+def _with_cutoff_slope(log: Log, joint: int, hypothesis: Hypothesis, rows: Rows, parameters: Array) -> Array:
+    """Columns of a filtered hypothesis; before the last one the slope of what it foretells, by the cutoff.
+
+    The cutoff counts as the logit of the filter's newest weight.
+    """
     logit, values = _logit(hypothesis.newest), coefficients(parameters, hypothesis)
     ends = [
-        regression(log, joint, replace(hypothesis, newest=_newest(logit + step))).of(rows)
+        regression(log, joint, replace(hypothesis, newest=_newest(logit + step)))[rows]
         for step in (-CUTOFF_STEP, CUTOFF_STEP)
     ]
-    below, above = (end.X @ values - end.y for end in ends)
-    return np.asarray((above - below) / (2.0 * CUTOFF_STEP))
+    below, above = (end[:, :-1] @ values - end[:, -1] for end in ends)
+    slope = (above - below) / (2.0 * CUTOFF_STEP)
+    return _known(np.insert(regression(log, joint, hypothesis)[rows], -1, slope, axis=1))
 
 
-def jackknife_half_width(left_out: Array) -> Array:
+def _jackknife_half_width(left_out: Array) -> Array:
     """Half the 90 % interval by the jackknife, from values with one group left out each."""
     if not np.isfinite(left_out).all():
         return np.full(left_out.shape[1:], np.inf)
     return np.asarray(NINETY * np.sqrt((len(left_out) - 1) * left_out.var(axis=0)))
 
 
-def error_gain_of(parameters: Array, hypothesis: Hypothesis) -> Array:
+def _error_gain_of(parameters: Array, hypothesis: Hypothesis) -> Array:
     """Gain of the error over M_bar: ``lam eta``, or ``K_p`` if linear; parameters are the last axis."""
     linear = hypothesis.surface == LINEAR
     return np.asarray(parameters[..., 4] if linear else parameters[..., 3] * parameters[..., 4])
@@ -374,14 +381,13 @@ def _without_errors(
     return np.asarray(min(searched, key=lambda search: float(np.sum(search[2]["fvec"] ** 2)))[0])
 
 
-def _held_out_error(log: Log, joint: int, hypothesis: Hypothesis, solve: Solve, rows: Rows) -> float:
+def _held_out_error(columns: Array, rows: Rows, hypothesis: Hypothesis, solve: Solve) -> float:
     """RMS error in the odd blocks of a fit to the even ones, N m; infinite if too short."""
-    regressed = regression(log, joint, hypothesis).of(rows)
-    odd = regressed.rows // BLOCK % 2 == 1
+    odd = rows // BLOCK % 2 == 1
     if min(odd.sum(), (~odd).sum()) < BLOCK:
         return float("inf")
-    of_even = solve(_factor(regressed.X[~odd], regressed.y[~odd]), hypothesis)
-    return _residual(_factor(regressed.X[odd], regressed.y[odd]), of_even) / float(np.sqrt(odd.sum()))
+    of_even = solve(_factor(columns[~odd]), hypothesis)
+    return _residual(_factor(columns[odd]), of_even) / float(np.sqrt(odd.sum()))
 
 
 def _by_parameters(factor: Array, hypothesis: Hypothesis) -> Array:
@@ -411,7 +417,8 @@ def _filtered(log: Log, joint: int, hypothesis: Hypothesis) -> Iterator[Hypothes
         def error(logit: float, place: tuple[str, str] = place, rows: Rows = rows) -> float:
             filtered = hypothesis.beside(place, _newest(logit))
             # A log may be too short, which is worse than any fit. Free coefficients let filters fit noise.
-            return min(_held_out_error(log, joint, filtered, _by_parameters, rows), 1e9)
+            columns = regression(log, joint, filtered)[rows]
+            return min(_held_out_error(columns, rows, filtered, _by_parameters), 1e9)
 
         k = int(np.argmin([error(x) for x in grid]))
         low, high = grid[max(k - 1, 0)], grid[min(k + 1, 8)]
@@ -421,7 +428,9 @@ def _filtered(log: Log, joint: int, hypothesis: Hypothesis) -> Iterator[Hypothes
         if rows.size < 2 * BLOCK:
             continue
         # Samples that a slow filter cannot foretell are lost to all: it has to explain more than none does.
-        without, with_filter = (_solution(log, joint, tried, rows)[2] for tried in (hypothesis, filtered))
+        without, with_filter = (
+            _solution(regression(log, joint, tried)[rows], tried)[2] for tried in (hypothesis, filtered)
+        )
         if with_filter < without - DECISIVE:
             yield filtered
 
@@ -488,5 +497,9 @@ def _residual(factor: Array, coefficients_of: Array) -> float:
     return float(np.linalg.norm(factor[:, -1] - factor[:, :-1] @ coefficients_of))
 
 
-def _factor(X: Array, y: Array) -> Array:
-    return np.asarray(np.linalg.qr(np.column_stack([X, y]), mode="r"))
+def _known(columns: Array) -> Array:
+    return columns[np.isfinite(columns).all(axis=1)]
+
+
+def _factor(columns: Array) -> Array:
+    return np.asarray(np.linalg.qr(columns, mode="r"))

@@ -13,6 +13,7 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 from scipy.signal import lfilter
 
 from tendonrepro.arrays import Array
@@ -99,20 +100,6 @@ PID = Hypothesis(LINEAR, (("differencing", "centred"),))
 """The simplest one that a PID has, too; see `Hypothesis.is_pid`."""
 
 
-@dataclass(frozen=True, eq=False)
-class Regression:
-    """Torque (K,), and regressors (K, 8) or (K, 7), at samples `rows` of the log."""
-
-    y: Array
-    X: Array
-    rows: NDArray[np.int64]
-
-    def of(self, rows: NDArray[np.int64]) -> Regression:
-        """At some of its samples alone."""
-        places = np.searchsorted(self.rows, rows)
-        return Regression(self.y[places], self.X[places], rows)
-
-
 def hypotheses(log: Log) -> Iterator[Hypothesis]:
     """Every hypothesis that a log can hold."""
     axes = {
@@ -144,11 +131,12 @@ def _stored(log: Log) -> list[tuple[str, str, str]]:
     return [(torque, "0", "applied") for torque in stored]
 
 
-def regression(log: Log, joint: int, hypothesis: Hypothesis) -> Regression:
-    """Regressors of a hypothesis for one joint, counted from 0, or for a winch under that reading.
+def regression(log: Log, joint: int, hypothesis: Hypothesis) -> Array:
+    """Regressors and torque of a hypothesis, (T, 9), or (T, 8) if linear; NaN where it foretells none.
 
-    The columns are the torques of ``t - L`` and ``t - 2L``, the accelerations of the same times, ``ddq_d``,
-    and the error's rate with the error, or with ``phi_slope`` times the rate and ``phi``.
+    They are of one joint, counted from 0, or of a winch under that reading. The columns are the torques of
+    ``t - L`` and ``t - 2L``, the accelerations of the same times, ``ddq_d``, and the error's rate with the
+    error, or with ``phi_slope`` times the rate and ``phi``; last the torque of ``t``.
     """
     readings, i = hypothesis.readings, joint
     lag, L = hypothesis.lag, log.L
@@ -185,10 +173,9 @@ def regression(log: Log, joint: int, hypothesis: Hypothesis) -> Regression:
         y = command - kept * _back(command, 1)
         estimate = [hypothesis.newest * column for column in estimate]
         acceleration = [column - kept * _back(column, 1) for column in acceleration]
-    X = np.stack([*estimate, *acceleration], axis=1)
-    known = np.isfinite(X).all(axis=1) & np.isfinite(y)
-    rows = np.flatnonzero(known & ~_limited(log, lag))
-    return Regression(y[rows], X[rows], rows)
+    columns = np.stack([*estimate, *acceleration, y], axis=1)
+    columns[_limited(log, lag)] = np.nan
+    return columns
 
 
 def coefficients(parameters: Array, hypothesis: Hypothesis) -> Array:
@@ -239,11 +226,7 @@ def _limited(log: Log, lag: int) -> NDArray[np.bool_]:
     at_limit = torque >= (1.0 - 1e-9) * np.fmax.reduce(torque, axis=0)
     # A single largest value is a peak; a limit is met again and again.
     late = (at_limit & (at_limit.sum(axis=0) > 5)).any(axis=1)
-    near: NDArray[np.bool_] = late.copy()
-    for back in range(1, 2 * lag + 3):
-        near[back:] |= late[:-back]
-        near[:-back] |= late[back:]
-    return near
+    return np.asarray(binary_dilation(late, np.ones(4 * lag + 5, dtype=bool)))
 
 
 @cache

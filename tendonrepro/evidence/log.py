@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, binary_opening
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig
@@ -61,6 +61,9 @@ class Log:
     S: Array
     expected: CompareConfig
     angle_rounding: Array
+
+
+_SIGNALS = ("q", "q_motor", "q_d", "dq_d", "ddq_d", "command", "applied")
 
 
 def expected_of(file: TraceFile, paper: CompareConfig) -> CompareConfig:
@@ -127,28 +130,20 @@ def liveliest(log: Log, samples: int) -> Log:
     if len(speed) <= samples:
         return log
     start = int(np.argmax(speed[samples:] - speed[:-samples]))
-    part = slice(start, start + samples)
-    return replace(
-        log,
-        q=log.q[part],
-        q_motor=None if log.q_motor is None else log.q_motor[part],
-        q_d=log.q_d[part],
-        dq_d=log.dq_d[part],
-        ddq_d=log.ddq_d[part],
-        command=log.command[part],
-        applied=None if log.applied is None else log.applied[part],
-    )
+    signals = {name: getattr(log, name) for name in _SIGNALS}
+    return replace(log, **{name: x[start : start + samples] for name, x in signals.items() if x is not None})
 
 
-def without_rounding(q: Array, encoder_step: float) -> tuple[Array, float]:
+def without_rounding(q: Array, encoder_step: float, noise: float = 0.0) -> tuple[Array, float]:
     """Angles (T,) on the grid of encoder steps that they evidently stood on, and the rounding that is left.
 
-    Without such a grid the angles stay. One coarser than `encoder_step`, rad, may be the recorder's.
+    Without such a grid the angles stay. One coarser than `encoder_step`, rad, may be the recorder's. Changes
+    up to `noise` are of a record that rounds once more, and no step of the grid.
     """
     known = np.isfinite(q)
     angles = q[known]
     steps = np.abs(np.diff(angles))
-    steps = steps[steps > 1e-7]
+    steps = steps[steps > max(1e-7, noise)]
     if steps.size < 20:
         return q, resolution(angles)
     step, start = float(np.median(steps[steps < 1.5 * np.quantile(steps, 0.05)])), float(angles[0])
@@ -178,8 +173,10 @@ def torque_rounding(log: Log) -> Array:
     """Rounding of each joint's torque (n,), N m, by the record, or by drives at the winches."""
     # Of a grid that values evidently stood on the step, else the smallest difference of any two.
     of_joints = np.array([without_rounding(column, 0.0)[1] for column in log.command.T])
-    # A record may round once more what a drive has rounded.
-    of_winches = np.array([without_rounding(column, 0.0)[1] for column in (log.command @ log.S).T])
+    # A record may round once more what a drive has rounded, and mixes the joints' digits at a winch.
+    noise = min(resolution(column) for column in log.command.T) * np.abs(log.S).sum(axis=0)
+    at_winches = zip((log.command @ log.S).T, noise, strict=True)
+    of_winches = np.array([without_rounding(column, 0.0, mixed)[1] for column, mixed in at_winches])
     mapped = np.sqrt(np.linalg.inv(log.S.T) ** 2 @ of_winches**2)
     return np.asarray(np.maximum(of_joints, mapped))
 
@@ -222,23 +219,11 @@ def _of_one(q_d: Array, time: Array, L: float) -> tuple[Array, Array, Array]:
     at = time - even[0]
     angle, rate, acceleration = (spline(at, k)[:, 0] for k in range(3))
     off = np.abs(angle + filled[0] - q_d) > _BEYOND * rounding
-    unknown = _around(off | _longer(~known), round(_NEAR * spacing / L)) | ~known
+    near = round(_NEAR * spacing / L)
+    pauses = binary_opening(~known, np.ones(_BRIDGED + 1, dtype=bool))
+    unknown = binary_dilation(off | pauses, np.ones(2 * near + 1, dtype=bool)) | ~known
     rate, acceleration = (np.where(unknown, np.nan, values) for values in (rate, acceleration))
     return np.where(off, q_d, angle + filled[0]), rate, acceleration
-
-
-def _longer(gaps: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Gaps of more than `_BRIDGED` samples."""
-    edges = np.flatnonzero(np.diff(gaps, prepend=False, append=False)).reshape(-1, 2)
-    longer = np.zeros_like(gaps)
-    for first, end in edges[np.ptp(edges, axis=1) > _BRIDGED]:
-        longer[first:end] = True
-    return longer
-
-
-def _around(places: NDArray[np.bool_], samples: int) -> NDArray[np.bool_]:
-    counts = np.convolve(places.astype(float), np.ones(2 * samples + 1), mode="same")
-    return np.asarray(counts[: len(places)] > 0.5)
 
 
 def on_its_samples(trace: Trace) -> tuple[Trace, float]:

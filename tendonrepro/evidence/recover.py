@@ -14,24 +14,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from tendonrepro.arrays import Array
-from tendonrepro.configuration.load import CompareConfig, LoadedConfig
+from tendonrepro.configuration.load import CompareConfig, LoadedConfig, load_config
 from tendonrepro.configuration.published import published
 from tendonrepro.console import Talk, count_of
-from tendonrepro.errors import UsageError
+from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.evidence.fit import Fit, equally_good, ranked
 from tendonrepro.evidence.hypotheses import LINEAR
-from tendonrepro.evidence.log import Log, expected_of, read_logs, torque_rounding
+from tendonrepro.evidence.log import Log, expected_of, liveliest, read_logs, torque_rounding
+from tendonrepro.files import Json
 from tendonrepro.parallel import Start, counted
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, estimator_weights
 from tendonrepro.results.records import PlantRecord, TraceFile
+from tendonrepro.results.tables import Table
+from tendonrepro.studies.result import Result
+from tendonrepro.studies.study import Site
 
+MOST = 100_000
+"""Samples that are fitted, those of the fastest motion: more take minutes, and tell little."""
 RECOVERED, NONE, UNTOLD = "recovered", "none of these", "cannot tell"
 FAITHFUL = 1e-3
 """Share of the torque's step that a controller may leave unexplained, beside three times the rounding."""
@@ -52,6 +56,11 @@ _WEIGHTS = {
     "extrapolating": "extrapolated (1 + α and −α)",
     "swapped": "exchanged (α and 1 − α)",
 }
+OWN_GAINS = "The paper has no gains of this arm. The log is compared with its own configuration."
+SHOWN = 5
+"""Hypotheses that the table lists for each joint."""
+NESTED = ("parameters", "equally_good", "pid")
+"""What ``--json`` says of a joint, and its row does not."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,11 +81,6 @@ class RecoveredController:
     def expected(self) -> CompareConfig:
         """Configuration with the gains that it is compared with."""
         return self.log.expected
-
-    @property
-    def run(self) -> str:
-        """Name of the run."""
-        return self.log.run
 
     @property
     def angle_rounding(self) -> float:
@@ -119,15 +123,14 @@ class RecoveredController:
         # Of a time-delay estimate the weights sum to one; feedback without an estimate fits with none.
         balance = abs(self.best.parameters[:2].sum() - 1.0)
         balanced = balance <= CLOSE + self.best.half[:2].sum()
-        fine = self.rounding <= COARSE
+        fine, weights = self.rounding <= COARSE, self._weights_of(self.best)
         allowed = max(FAITHFUL, 3.0 * self.rounding) if fine else FAITHFUL
         # Rounding is in the intervals: where these leave one interpretation, it does not matter.
-        if self.best.bias > CLOSE and not self.nearest_weights:
+        if self.best.bias > CLOSE and not weights:
             return UNTOLD
         if balanced and self.unexplained <= allowed:
             # Weights that no interpretation has come from noise, unless the log is exact.
-            is_named = bool(self.nearest_weights) or self.unexplained <= FAITHFUL
-            return self.by_gains if is_named else UNTOLD
+            return self.by_gains if weights or self.unexplained <= FAITHFUL else UNTOLD
         if not fine or not self.sampled_as_run:
             return UNTOLD
         return NONE if self.unexplained > FOREIGN or not balanced else UNTOLD
@@ -141,13 +144,6 @@ class RecoveredController:
         return float(self.best.error_gain / expected), float(self.best.error_gain_half / expected)
 
     @property
-    def torque_units(self) -> Array:
-        """Factors on M_bar by units of the torque: N m at motor shafts, percent of the rated one, volts."""
-        config, rated = self.expected, published().number("hardware.rated_torque")
-        reduction = config.manipulator.winches.reduction.si
-        return np.array([reduction, 0.01 * reduction * rated, reduction * rated / 3.0])
-
-    @property
     def by_gains(self) -> str:
         """`RECOVERED` if M_bar and the error's gain are the expected ones to a factor of two, `NONE` if not.
 
@@ -157,8 +153,12 @@ class RecoveredController:
         expected, (gain, gain_half) = self.expected.control.gains.M_bar.si[self.place], self.position_gain
         M_bar = self.best.parameters[2] / expected
         unit = 1.0 if M_bar < np.sqrt(DEGREES_PER_RADIAN) else DEGREES_PER_RADIAN
-        # In another unit of the torque only the published number itself tells.
-        others = np.outer((1.0, DEGREES_PER_RADIAN), self.torque_units).ravel()
+        # In another unit of the torque, N m at motor shafts, percent of the rated one or volts, only the
+        # published number itself tells.
+        reduction = self.expected.manipulator.winches.reduction.si
+        rated = published().number("hardware.rated_torque")
+        units = np.array([reduction, 0.01 * reduction * rated, reduction * rated / 3.0])
+        others = np.outer((1.0, DEGREES_PER_RADIAN), units).ravel()
         nearest = float(others[np.argmin(np.abs(np.log(np.abs(M_bar) / others)))])
         if abs(M_bar / nearest - 1.0) <= SAME_NUMBER and not 1.0 / NEAR <= M_bar / unit <= NEAR:
             unit = nearest
@@ -198,12 +198,7 @@ class RecoveredController:
     def weights(self) -> str:
         """Interpretation of Eq. (15) that alone has the weights of a recovered log."""
         # Noise of the record makes light weights fit best, whatever the true ones.
-        return self.nearest_weights if self.answer == RECOVERED else ""
-
-    @property
-    def nearest_weights(self) -> str:
-        """Interpretation of Eq. (15) that alone has the weights of the best fit."""
-        return self._weights_of(self.best)
+        return self._weights_of(self.best) if self.answer == RECOVERED else ""
 
     def _weights_of(self, fit: Fit) -> str:
         alpha = self.expected.control.gains.alpha.si
@@ -240,7 +235,7 @@ class RecoveredController:
     @property
     def sentence(self) -> str:
         """The answer in plain words."""
-        where = f"{self.run}, joint {self.joint}"
+        where = f"{self.log.run}, joint {self.joint}"
         if self.answer == UNTOLD:
             return f"{where}: cannot tell. {self.advice}"
         pid = ", ".join(f"{name} {gain:.3g}" for name, gain in self.pid.items())
@@ -260,20 +255,24 @@ class RecoveredController:
             f"{text} {count_of(as_good, 'more hypothesis', 'more hypotheses')} as good." if as_good else text
         )
 
-    def parameters(self) -> Iterator[tuple[str, float, float, float | None]]:
-        """Name, value, half of the 90 % interval and expected value.
+    @property
+    def parameters(self) -> dict[str, dict[str, float | None]]:
+        """By name the value, half its 90 % interval and the expected value; none of a log that is untold.
 
         A terminal surface has no gains here: lambda and its slope can be exchanged.
         """
         gains, i = self.expected.control.gains, self.place
-        values, half = self.best.parameters, self.best.half
-        yield "w_1", values[0], half[0], None
-        yield "w_2", values[1], half[1], None
-        yield "M_bar", values[2], half[2], float(gains.M_bar.si[i])
+        expected = {"w_1": None, "w_2": None, "M_bar": float(gains.M_bar.si[i])}
+        if self.answer != RECOVERED:
+            return {}
         if self.best.hypothesis.surface == LINEAR:
             beta, lam = gains.beta.si[i], gains.lam.si[i]
-            yield "K_d", values[3], half[3], float(beta + lam)
-            yield "K_p", values[4], half[4], float(beta * lam)
+            expected |= {"K_d": float(beta + lam), "K_p": float(beta * lam)}
+        told = zip(expected.items(), self.best.parameters, self.best.half, strict=False)
+        return {
+            name: {"value": value, "half_90": half, "published": published}
+            for (name, published), value, half in told
+        }
 
 
 def recover_controllers(
@@ -321,5 +320,118 @@ def _of_joint(of_paper: bool, task: tuple[Log, int]) -> RecoveredController:
     log, joint = task
     i = log.joints.index(joint)
     rounding = float(torque_rounding(log)[i])
-    fits = ranked(log, i, (rounding, float(log.angle_rounding[i])))
+    fits = ranked(liveliest(log, MOST), i, (rounding, float(log.angle_rounding[i])))
     return RecoveredController(joint, fits, log, rounding, of_paper)
+
+
+def controllers_of(
+    file: TraceFile, talk: Talk, start: Start = map, own: LoadedConfig | None = None
+) -> list[Json]:
+    """Plain values for each run and joint that the paper moves, or a user's `own` configuration.
+
+    They are none where no run has what it takes.
+    """
+    loaded = own or load_config(None, "compare")
+    joints = loaded.config.joints
+    runs = {name: trace.of_joints(joints) for name, trace in file.runs.items() if {*trace.joint} & {*joints}}
+    of_joints = replace(file, runs=runs)
+    try:
+        controllers = recover_controllers(of_joints, loaded, talk, start, own=own is not None)
+        return [controller_data(controller) for controller in controllers]
+    except (DataMissingError, UsageError):
+        return []
+
+
+def recover_result(
+    file: TraceFile, name: str, loaded: LoadedConfig, site: Site, *, own: bool = False
+) -> Result:
+    """Find which controller made each run of a log that is called `name`.
+
+    Raises
+    ------
+    UsageError
+        If no run has torque, desired and measured angles.
+    """
+    controllers = recover_controllers(file, loaded, site.talk, site.start, own=own)
+    of_paper = controllers[0].of_paper
+    data = {
+        "schema_version": 1,
+        "log": name,
+        "gains_from": "paper" if of_paper else "configuration",
+        "runs": [controller_data(controller) for controller in controllers],
+    }
+    sentences = "\n".join(controller.sentence for controller in controllers)
+    whose = [] if of_paper or own else [OWN_GAINS]
+    return Result(data, [*whose, sentences, *controller_tables(controllers)])
+
+
+def controller_data(controller: RecoveredController) -> Json:
+    """What ``--json`` tells of one joint of one run; numbers stand where the log tells, and are true."""
+    is_recovered = controller.answer == RECOVERED
+    row: Json = {
+        "run": controller.log.run,
+        "joint": controller.joint,
+        "answer": controller.answer,
+        "controllers": " or ".join(controller.controllers) if is_recovered else None,
+        "surface": controller.best.hypothesis.surface if is_recovered else None,
+        "readings": controller.best.hypothesis.name if is_recovered else None,
+        "weights": controller.weights or None,
+        "as_good": len(controller.equal) - 1 if controller.fits else None,
+        "advice": controller.advice,
+        "sentence": controller.sentence,
+    }
+    if is_recovered:
+        row["position_gain"], row["position_gain_half_90"] = controller.position_gain
+    if controller.fits:
+        row |= {
+            "unexplained": controller.unexplained,
+            "rounding": controller.rounding,
+            "torque_rounding": controller.torque_rounding,
+            "angle_rounding": controller.angle_rounding,
+            "period": controller.log.L,
+            "condition": controller.best.condition,
+            "bias": controller.best.bias,
+            "samples": controller.best.samples,
+        }
+    return row | {
+        "parameters": controller.parameters,
+        "equally_good": [_named(fit) for fit in controller.equal],
+        "pid": controller.pid or None,
+    }
+
+
+def _named(fit: Fit) -> str:
+    return f"{fit.hypothesis.surface} {fit.hypothesis.name}"
+
+
+def controller_tables(controllers: list[RecoveredController]) -> list[Table]:
+    """Answers, parameters and hypotheses."""
+    rows = [controller_data(controller) for controller in controllers]
+    parameters: list[Json] = []
+    for row in rows:
+        told: Json = {"run": row["run"], "joint": row["joint"]}
+        for name, parameter in row["parameters"].items():
+            told |= {name: parameter["value"], f"{name}_half_90": parameter["half_90"]}
+        parameters += [told] if row["parameters"] else []
+    tried = [
+        {
+            "run": controller.log.run,
+            "joint": controller.joint,
+            "hypothesis": _named(fit),
+            "as_good": fit in controller.equal,
+            "unexplained": fit.residual / fit.step,
+            "information": fit.information - min(other.information for other in controller.fits),
+            "condition": fit.condition,
+        }
+        for controller in controllers
+        for fit in controller.fits[: max(SHOWN, len(controller.equal))]
+    ]
+    answers = [{key: value for key, value in row.items() if key not in NESTED} for row in rows]
+    shown = ("run", "joint", "answer", "controllers", "readings", "as_good")
+    numbers = "Its numbers, SI, with half of their 90 % interval."
+    about = "The best hypotheses, all that fit alike among them, with the criterion above the best."
+    return [
+        Table("controllers", "Which controller made the log.", answers, terminal=shown),
+        Table("parameters", numbers, parameters, terminal=None if parameters else ()),
+        Table("hypotheses", about, tried, terminal=()),
+    ]

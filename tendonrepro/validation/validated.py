@@ -18,7 +18,7 @@ from tendonrepro.configuration.strict_yaml import Tree, dump
 from tendonrepro.console import Talk
 from tendonrepro.dataset.motion import Knots, recorded, thinned, zero_of
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
-from tendonrepro.evidence.recover_report import controllers_of
+from tendonrepro.evidence.recover import controllers_of
 from tendonrepro.experiments.run import begin_all, prepared, trace_file
 from tendonrepro.files import Json, write_atomically
 from tendonrepro.parallel import workers

@@ -10,6 +10,7 @@ from typing import Any, get_args
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 from support.command import answer
 
 import tendonrepro as tr
@@ -21,9 +22,16 @@ from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.evidence import fit
 from tendonrepro.evidence.fit import ranked
 from tendonrepro.evidence.hypotheses import LINEAR, NTSM, Hypothesis
-from tendonrepro.evidence.log import read_logs, without_rounding
-from tendonrepro.evidence.recover import NONE, RECOVERED, UNTOLD, RecoveredController, recover_controllers
-from tendonrepro.evidence.recover_report import controller_data, controller_tables
+from tendonrepro.evidence.log import read_logs, torque_rounding, without_rounding
+from tendonrepro.evidence.recover import (
+    NONE,
+    RECOVERED,
+    UNTOLD,
+    RecoveredController,
+    controller_data,
+    controller_tables,
+    recover_controllers,
+)
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.traces import write_traces
 
@@ -330,6 +338,50 @@ def test_rounding_of_angles_on_a_grid_is_undone() -> None:
     assert without_rounding(smooth, STEP)[0] is smooth
 
 
+def test_the_grid_of_a_drive_is_found_below_the_digits_of_a_record() -> None:
+    """A winch whose step does not change gets the digits of both joints' columns, less than a step."""
+    (log,), _ = read_logs(run(), PUBLISHED.config)
+    at_winches = 0.016 * np.cumsum(np.random.default_rng(3).integers(-3, 4, size=log.command.shape), axis=0)
+    digits = np.round(at_winches @ np.linalg.inv(log.S) / 1e-3) * 1e-3
+    mapped = np.linalg.norm(np.linalg.inv(log.S.T), axis=1)
+    assert torque_rounding(replace(log, command=digits)) == pytest.approx(0.016 * mapped, rel=1e-3)
+
+
+def test_numbers_are_those_of_another_least_squares(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Eqs. (15), (16) and (18) of Controller 3 under white noise, fitted by SciPy from the trace."""
+    monkeypatch.setattr(fit, "FILTERS", ())
+    (trace,) = of_joint_3(run(controller=3)).runs.values()
+    tau = trace["tau_m"] + np.random.default_rng(5).normal(scale=3e-4, size=trace["tau_m"].shape)
+    signals = {name: trace[name] for name in ("q_encoder", "q_d", "dq_d", "ddq_d")} | {"tau_m": tau}
+    noisy = Trace(trace.name, trace.time, trace.joint, signals, trace.attributes)
+    data = controller_data(joint_3(replace(run(controller=3), runs={trace.name: noisy})))
+    q, q_d, dq_d, ddq_d, tau = (values[:, 0] for values in signals.values())
+    L, k = 1e-3, np.arange(4, len(q))
+    ddq = np.zeros_like(q)
+    ddq[3:] = (q[2:] - 2.0 * q[1:-1] + q[:-2])[:-1] / L**2  # of one sample before
+    de, e = dq_d[k] - (q[k] - q[k - 1]) / L, q_d[k] - q[k]
+
+    def left(x: Any, part: Any) -> Any:
+        w_1, w_2, M_bar, K_d, K_p = x
+        H = w_1 * (tau[k - 1] - M_bar * ddq[k]) + w_2 * (tau[k - 2] - M_bar * ddq[k - 1])
+        return (tau[k] - H - M_bar * (ddq_d[k] + K_d * de + K_p * e))[part]
+
+    def fit_to(part: Any) -> Any:
+        return least_squares(left, [0.9, 0.1, 0.02, 8.0, 10.0], args=(part,), x_scale="jac", xtol=1e-14).x
+
+    everything, odd = np.ones(len(k), bool), k // 200 % 2 == 1
+    others = [np.setdiff1d(np.arange(len(k)), part) for part in np.array_split(np.arange(len(k)), 16)]
+    values, left_out = fit_to(everything), np.stack([fit_to(part) for part in others])
+    half = 1.753 * np.sqrt(15.0 * left_out.var(axis=0))
+    told = data["parameters"]
+    assert data["samples"] == len(k)
+    assert (abs(values - [told[name]["value"] for name in told]) < 0.01 * half).all()
+    assert [told[name]["half_90"] for name in told] == pytest.approx(half, rel=0.02)
+    unexplained = np.std(left(fit_to(~odd), odd)) / np.sqrt(np.mean(np.diff(tau) ** 2))
+    assert data["unexplained"] == pytest.approx(unexplained, rel=1e-3)
+    assert data["position_gain"] == pytest.approx(values[4] / 16.0, rel=1e-4)
+
+
 def of_last_two(node: Any) -> Any:
     """Values by joint, of an arm that lacks the first joint."""
     if isinstance(node, dict):
@@ -436,7 +488,7 @@ def test_a_run_that_cannot_be_put_on_samples_is_named_and_others_are_read(sample
         recover_controllers(replace(file, runs={"a": bad}), PUBLISHED, QUIET)
     both = {"a": bad, "b": replace(good, name="b")}
     found = recover_controllers(replace(file, runs=both), PUBLISHED, QUIET)
-    assert {one.run for one in found} == {"b"}
+    assert {one.log.run for one in found} == {"b"}
 
 
 def test_a_log_of_which_nothing_can_be_told_is_an_answer_of_the_command(tmp_path: Path) -> None:
