@@ -23,8 +23,7 @@ from tendonrepro.configuration.strict_yaml import Tree, dump
 from tendonrepro.errors import TendonreproError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.ensemble import load_study
-from tendonrepro.monte_carlo.evaluate import evaluated
-from tendonrepro.monte_carlo.plan import EnsembleStudy
+from tendonrepro.monte_carlo.plan import EnsembleStudy, evaluated
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import simulate_batch
 

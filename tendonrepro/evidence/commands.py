@@ -31,10 +31,8 @@ def predict(
         Comma-separated names [default: the main ones].
     """
     from tendonrepro.configuration.ensemble import load_plants, with_all_controllers
-    from tendonrepro.evidence.predict import predicted_cost
-    from tendonrepro.evidence.predict_report import asked_for, default_readings_on, predict_result
-    from tendonrepro.monte_carlo.kept import study_on_plants
-    from tendonrepro.monte_carlo.plan import identity_of
+    from tendonrepro.evidence.predict import asked_for, default_readings_on, predict_result, predicted_cost
+    from tendonrepro.monte_carlo.kept import identity_of, study_on_plants
 
     loaded = with_all_controllers(load_plants(*drawn_from(asked)))
     names = readings or default_readings_on(loaded)

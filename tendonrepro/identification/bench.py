@@ -17,7 +17,7 @@ from tendonrepro.configuration.models.readings import Reading, under
 from tendonrepro.configuration.published import METRICS
 from tendonrepro.identification.goal import Goal, Window
 from tendonrepro.identification.optimisers import Evaluated
-from tendonrepro.monte_carlo.evaluate import Simulate, stub_of
+from tendonrepro.monte_carlo.kept import Simulate, stub_of
 from tendonrepro.monte_carlo.population import Population, holding_base, population_of
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import simulate_batch

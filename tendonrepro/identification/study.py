@@ -27,8 +27,7 @@ from tendonrepro.identification import report
 from tendonrepro.identification.bench import Bench, Repeats, bench_of
 from tendonrepro.identification.goal import Goal, Target, Window, goal_of, with_input
 from tendonrepro.identification.optimisers import SEARCHES, SearchPoints
-from tendonrepro.monte_carlo.kept import WHOLE_RUNS, study_on_plants
-from tendonrepro.monte_carlo.plan import identity_of
+from tendonrepro.monte_carlo.kept import WHOLE_RUNS, identity_of, study_on_plants
 from tendonrepro.monte_carlo.population import Population
 from tendonrepro.parallel import as_ready, check_jobs, processors
 from tendonrepro.physics.metrics import START

@@ -9,6 +9,8 @@ from fnmatch import fnmatch
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from tendonrepro import __version__
 from tendonrepro.configuration.ensemble import (
     LoadedEnsemble,
@@ -25,11 +27,10 @@ from tendonrepro.console import count_of
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.user_law import UserLaw, with_user_laws
 from tendonrepro.files import Json, to_json
+from tendonrepro.monte_carlo import kept
 from tendonrepro.monte_carlo.data import PLAN, SHARDS, read_ensemble
-from tendonrepro.monte_carlo.evaluate import Simulate, evaluated, fill, refuse_alone, still_missing
 from tendonrepro.monte_carlo.figures import ensemble_figures
-from tendonrepro.monte_carlo.kept import study_on_plants
-from tendonrepro.monte_carlo.plan import ARMS, SCHEMA_VERSION, EnsembleStudy
+from tendonrepro.monte_carlo.plan import ARMS, SCHEMA_VERSION, EnsembleStudy, evaluated
 from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.monte_carlo.report import ensemble_tables, population_summary
 from tendonrepro.monte_carlo.shares import LEAST_SCRAMBLINGS
@@ -100,7 +101,10 @@ def _around(loaded: LoadedEnsemble, readings: str, laws: Sequence[UserLaw]) -> E
         laws=tuple(laws),
     )
     for law in laws:
-        refuse_alone(study, law)
+        # What cannot run on many arms together is refused before hours of work.
+        arms = study.populations[ARMS]
+        (loops,) = arms.loops(np.ones((1, len(arms.rows))), study.cases, [law])
+        kept.refuse_on_lanes(law, loops[study.lookup[law.name, PRINTED]])
     return study
 
 
@@ -110,7 +114,7 @@ def ensemble_study(
     *,
     jobs: int = 1,
     dask: str | None = None,
-    simulate: Simulate = simulate_batch,
+    simulate: kept.Simulate = simulate_batch,
     folder: Folder,
 ) -> Study:
     """Prepare an ensemble: missing plants are run, then come tables and figures of all.
@@ -144,20 +148,20 @@ def ensemble_study(
             for name, count in plants.items()
         }
         planned = study.pieces(draws)
-        pieces = still_missing(planned, stores)
+        pieces = kept.still_missing(planned, stores)
         ahead, resumed = study.cost(sum(len(piece.plants) for piece in pieces)), len(planned) - len(pieces)
         if resumed:
             left = f"; left are {cost_text(ahead)}" if pieces else ""
             talk.note(f"{resumed} of {len(planned)} blocks are on disk already{left}")
         stream = on_cluster(make, pieces, dask) if dask else as_ready(make, pieces, jobs)
         started = time.perf_counter()
-        fill(stores, pieces, stream, talk)
+        kept.fill(stores, pieces, stream, talk)
         seconds = time.perf_counter() - started
         (site.files / PLAN).write_text(to_json(study.plan(draws)), encoding="utf-8")
         speed = ahead["experiments"] / seconds if pieces else None
         return _result(study, draws, site.files, speed, resumed)
 
-    prepared = study_on_plants(
+    prepared = kept.study_on_plants(
         "ensemble",
         study.loaded,
         study.identity,

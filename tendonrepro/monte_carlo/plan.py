@@ -1,30 +1,29 @@
-"""What an ensemble consists of: populations, scramblings, readings and blocks."""
+"""What an ensemble consists of: populations, scramblings, readings and blocks; and its plants as records."""
 
 from __future__ import annotations
 
-import ast
-from collections.abc import Mapping
+import json
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from itertools import product
-from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tendonrepro import __version__
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import Reading, case_of
-from tendonrepro.errors import UsageError
+from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.experiments.user_law import UserLaw, runs_of
-from tendonrepro.files import digest_of
+from tendonrepro.monte_carlo import kept
 from tendonrepro.monte_carlo.data import CaseName
 from tendonrepro.monte_carlo.population import Population
 from tendonrepro.results.paper import base_of_paper
-from tendonrepro.results.record_store import RecordType
+from tendonrepro.results.record_store import Records, RecordType
+from tendonrepro.simulation.batch import simulate_batch
+from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.streaming import STATISTICS
 
 SCHEMA_VERSION = 1
@@ -33,60 +32,6 @@ ARMS = "arms"
 """Name of the population around an arm of a user's own."""
 
 FEWEST_PER_SCRAMBLING = 8
-
-MOST_DRAWS = 2**20
-"""Weeks of work, and as many blocks as memory holds with ease."""
-
-SECONDS_PER_EXPERIMENT = 2e-3
-"""Processor's time, for estimates before anything has run; of the same order is all that is needed.
-
-Measured: 1,179,648 experiments of the shipped ensemble in 2,459 s of one process.
-"""
-
-ROOMS = ("configuration", "experiments", "monte_carlo", "physics", "simulation")
-"""Packages whose code decides what a draw is and what its runs give."""
-
-
-PLANTS_AT_ONCE = 32
-"""Plants simulated together at most; more fill lanes better, and each has motions of some 3 MB."""
-
-
-class Piece(NamedTuple):
-    """Some plants of a population, by their numbers (M,): what is simulated together, and stored at once."""
-
-    population: str
-    plants: NDArray[np.int64]
-
-
-@cache
-def code_digest(*rooms: str) -> str:
-    """SHA-256 of the code of some packages, without comments and docstrings."""
-    package = Path(__file__).parents[1]
-    files = [path for room in rooms for path in sorted((package / room).rglob("*.py"))]
-    return digest_of({path.relative_to(package).as_posix(): _bare_code(path) for path in files})
-
-
-def _bare_code(path: Path) -> str:
-    tree = ast.parse(path.read_text("utf-8"))
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node):
-            node.body = node.body[1:]
-    # Unlike a dump of the tree it is the same under every version of Python.
-    return ast.unparse(tree)
-
-
-def identity_of(loaded: LoadedEnsemble, *rooms: str, **decided_by: object) -> str:
-    """SHA-256 of what numbers on plants depend on: version, code, configuration, and what else decides them.
-
-    The code is that of `ROOMS`, and of some `rooms` more.
-    """
-    known = {
-        "version": __version__,
-        "code": code_digest(*ROOMS, *rooms),
-        "config": loaded.sha256,
-        "base": loaded.base.sha256,
-    }
-    return digest_of(known | decided_by)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +85,7 @@ class EnsembleStudy:
     @cached_property
     def identity(self) -> str:
         """SHA-256 of all that a stored number depends on."""
-        return identity_of(
+        return kept.identity_of(
             self.loaded,
             schema=SCHEMA_VERSION,
             seed=self.seed,
@@ -171,7 +116,7 @@ class EnsembleStudy:
         pairs = zip(replicates.tolist(), (numbers - first).tolist(), strict=True)
         return np.stack([drawn[replicate][number] for replicate, number in pairs])
 
-    def pieces(self, draws: int) -> list[Piece]:
+    def pieces(self, draws: int) -> list[kept.Piece]:
         """Cut the plants of every population, `draws` at a share of 1, into pieces of one scrambling each.
 
         A piece is run whole: what runs beside a plant can change its last bits, and encoder steps show them.
@@ -181,12 +126,12 @@ class EnsembleStudy:
             each, size = self.draws_of(population, draws) // self.replicates, self._size(population, draws)
             for replicate, first in product(range(self.replicates), range(0, each, size)):
                 numbers = np.arange(first, min(first + size, each))
-                pieces.append(Piece(population, numbers * self.replicates + replicate))
+                pieces.append(kept.Piece(population, numbers * self.replicates + replicate))
         return pieces
 
     def _size(self, population: str, draws: int) -> int:
         """Plants of a piece."""
-        return min(self.draws_of(population, draws) // self.replicates, self.block_draws, PLANTS_AT_ONCE)
+        return min(self.draws_of(population, draws) // self.replicates, self.block_draws, kept.PLANTS_AT_ONCE)
 
     def file_name(self, population: str, draws: int) -> str:
         """Name of the file of a population's records; pieces of another size give other numbers."""
@@ -194,11 +139,11 @@ class EnsembleStudy:
 
     def draws_of(self, population: str, draws: int) -> int:
         """Draws of one population; a UsageError for too few or many, or for no power of two."""
-        share = min(self.shares.values())
+        share, most = min(self.shares.values()), kept.MOST_DRAWS
         fewest = FEWEST_PER_SCRAMBLING * self.replicates / share
-        if not fewest <= draws <= MOST_DRAWS or draws & (draws - 1) or (draws * share) % self.replicates:
-            needed = 2 ** int(np.ceil(np.log2(min(max(draws, fewest), MOST_DRAWS))))
-            message = f"the number of draws is a power of two from {fewest:g} to {MOST_DRAWS}, not {draws}"
+        if not fewest <= draws <= most or draws & (draws - 1) or (draws * share) % self.replicates:
+            needed = 2 ** int(np.ceil(np.log2(min(max(draws, fewest), most))))
+            message = f"the number of draws is a power of two from {fewest:g} to {most}, not {draws}"
             raise UsageError(message, where="--draws", hint=f"{needed} would do")
         return int(draws * self.shares[population])
 
@@ -225,13 +170,30 @@ class EnsembleStudy:
 
     def cost(self, plants: int) -> dict[str, float]:
         """Estimate what some plants cost."""
-        return cost_of(plants * len(self.cases), len(STATISTICS) * len(self.loaded.compare.joints))
+        return kept.cost_of(plants * len(self.cases), len(STATISTICS) * len(self.loaded.compare.joints))
 
 
-def cost_of(experiments: int, numbers: int) -> dict[str, float]:
-    """What experiments take, with so many numbers and a status kept of each."""
-    return {
-        "experiments": experiments,
-        "processor_hours": experiments * SECONDS_PER_EXPERIMENT / 3600.0,
-        "gigabytes": experiments * (numbers * 4 + 1) / 1e9,
-    }
+def evaluated(
+    study: EnsembleStudy, piece: kept.Piece, simulate: kept.Simulate = simulate_batch
+) -> tuple[kept.Piece, Records]:
+    """Records of the plants of a piece."""
+    values = study.values(*piece)
+    loops = [loop for of_plant in _loops(study, piece, values) for loop in of_plant]
+    records = np.empty(len(values), study.record_of(piece.population))
+    records["draws"] = values
+    kept.record(simulate(loops), records)
+    return piece, records
+
+
+def _loops(study: EnsembleStudy, piece: kept.Piece, values: Array) -> Iterator[list[Loop]]:
+    """Loops of each plant, by case; an error names the plant."""
+    population = study.populations[piece.population]
+    drawn = population.loops(values, study.cases, study.laws)
+    for plant, row in zip(piece.plants, values, strict=True):
+        try:
+            yield next(drawn)
+        except TendonreproError as error:
+            message = f"plant {plant} of {piece.population} cannot be run: {error.message}"
+            raise TendonreproError(
+                message, where=error.where, hint=json.dumps(population.named(row))
+            ) from error

@@ -16,9 +16,7 @@ from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError, did_you_mean
 from tendonrepro.experiments import user_law
-from tendonrepro.monte_carlo.evaluate import refuse_on_lanes
-from tendonrepro.monte_carlo.kept import study_on_plants
-from tendonrepro.monte_carlo.plan import identity_of
+from tendonrepro.monte_carlo.kept import identity_of, refuse_on_lanes, study_on_plants
 from tendonrepro.parallel import as_ready, check_jobs, counted
 from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result

@@ -26,17 +26,15 @@ from tendonrepro.evidence.figure_predictions import draw_predictions
 from tendonrepro.evidence.predict import (
     DOUBLED_PERIOD,
     EXPERIMENTS,
+    READINGS,
     Prediction,
+    default_readings_on,
     experiments_on,
     gaps_between,
     law_in,
-    with_alpha,
-)
-from tendonrepro.evidence.predict_report import (
-    READINGS,
-    default_readings_on,
     predict_result,
     prediction_tables,
+    with_alpha,
 )
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.population import population_of
@@ -45,6 +43,7 @@ from tendonrepro.results.figures.style import Drawing
 from tendonrepro.simulation.batch import Batch, simulate_batch
 from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
+from tendonrepro.simulation.stepper import simulate
 from tendonrepro.simulation.streaming import STATISTICS
 
 LOADED = load_ensemble(None, overrides=["base.manipulator.encoders.joint.resolution=0"])
@@ -217,6 +216,24 @@ def test_the_estimates_age_and_the_inertia_set_the_ratios(monkeypatch: pytest.Mo
     for row in found:
         ratio, tolerance = expected[row.experiment]
         assert row.median == pytest.approx(ratio, rel=tolerance)
+
+
+def test_a_ratio_is_that_of_scipys_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the other integrator, with errors from traces; two of five plants do not diverge."""
+    monkeypatch.setattr(predict, "EXPERIMENTS", [BY_NAME["controllers_2_3_late"]])
+    monkeypatch.setattr(predict, "LEAST", 2)
+    rows = list(predict.predictions(LOADED, named_readings("encoder=ideal"), 5, QUIET))
+    ratios = []
+    for plant in BOX.sample(int(LOADED.config.seed.si), 0, 0, 5):
+        config = under(parse_reading("encoder=ideal"), BOX.configured(plant), BOX.named(plant))
+        loops = dict(build_loops(config, LOADED.base.folder))
+        errors = [simulate(loops[run])["e"] for run in (SECOND, THIRD)]
+        if all(len(e) == len(loops[SECOND].reference.time) for e in errors):
+            ratios.append(np.divide(*(np.abs(e[2000:]).mean(axis=0) for e in errors)))
+    low, high = np.sort(ratios, axis=0)
+    expected = np.stack([0.5 * (low + high), 0.95 * low + 0.05 * high, 0.05 * low + 0.95 * high], axis=1)
+    assert [row.plants for row in rows] == [2, 2]
+    np.testing.assert_allclose([(row.median, row.low, row.high) for row in rows], expected, rtol=5e-4)
 
 
 def test_killed_among_the_plants_it_goes_on_and_ends_with_the_same_bytes(

@@ -36,7 +36,7 @@ from tendonrepro.identification.edits.rules import (
     variants_of,
 )
 from tendonrepro.identification.edits.study import EditStudy, edited_goal
-from tendonrepro.monte_carlo.evaluate import stub_of
+from tendonrepro.monte_carlo.kept import stub_of
 from tendonrepro.physics import control
 from tendonrepro.physics.control import Law
 from tendonrepro.results.record_store import Records, RecordStore

@@ -20,9 +20,9 @@ from tendonrepro.experiments.loops import build_loops
 from tendonrepro.experiments.user_law import laws_of
 from tendonrepro.monte_carlo.data import read_ensemble
 from tendonrepro.monte_carlo.ensemble import ensemble_study, load_study
-from tendonrepro.monte_carlo.evaluate import evaluated
 from tendonrepro.monte_carlo.figures import draw_pairs
-from tendonrepro.monte_carlo.plan import Piece
+from tendonrepro.monte_carlo.kept import Piece
+from tendonrepro.monte_carlo.plan import evaluated
 from tendonrepro.monte_carlo.population import Population, population_of
 from tendonrepro.physics.control import command as physics_command
 from tendonrepro.physics.control import estimator_weights

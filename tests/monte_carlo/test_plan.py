@@ -1,15 +1,18 @@
-"""What an ensemble consists of: every draw once, every case once, and an identity of all that counts."""
+"""What an ensemble consists of: draws, cases and an identity of all that counts; each run in its place."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.fake_batch import small_study
+from support.fake_batch import fake_batch, small_study
 
 from tendonrepro.configuration.models.control import RUNS
-from tendonrepro.errors import UsageError
-from tendonrepro.monte_carlo import plan
+from tendonrepro.errors import TendonreproError, UsageError
+from tendonrepro.monte_carlo import kept, plan
 from tendonrepro.monte_carlo.ensemble import load_study
+from tendonrepro.monte_carlo.kept import Piece
+from tendonrepro.monte_carlo.plan import evaluated
+from tendonrepro.simulation.streaming import STATISTICS
 
 
 def test_pieces_hold_every_draw_once():
@@ -69,10 +72,43 @@ def test_identity_holds_what_numbers_depend_on():
     assert replace(study).identity == study.identity
 
 
-@pytest.mark.parametrize("name", ["code_digest", "__version__", "STATISTICS"])
-def test_identity_holds_the_code(monkeypatch, name):
+@pytest.mark.parametrize(
+    ("module", "name", "other"),
+    [
+        (kept, "code_digest", lambda *_: "other"),
+        (kept, "__version__", "other"),
+        (plan, "STATISTICS", "other"),
+    ],
+)
+def test_identity_holds_the_code(monkeypatch, module, name, other):
     """Shards begun by other code are not gone on with."""
     study = small_study()
     before = study.identity
-    monkeypatch.setattr(plan, name, {"code_digest": lambda *_: "other"}.get(name, "other"))
+    monkeypatch.setattr(module, name, other)
     assert replace(study).identity != before
+
+
+PIECE = Piece("box", np.array([5, 6, 11]))
+
+
+def test_results_stand_in_the_place_of_their_draw_and_case():
+    """Simulating each experiment alone gives what the records hold."""
+    study = small_study()
+    _, records = evaluated(study, PIECE, fake_batch)
+    loops = study.populations["box"].loops(records["draws"], study.cases)
+    for record, of_plant in zip(records, loops, strict=True):
+        for c, loop in enumerate(of_plant):
+            alone = fake_batch([loop])
+            assert record["status"][c] == alone.status[0]
+            for name in STATISTICS:
+                np.testing.assert_array_equal(record[name][c], alone.statistics[name][0].astype(np.float32))
+
+
+def test_a_draw_that_cannot_be_run_is_named(monkeypatch):
+    def broken(*_):
+        message = "no such arm"
+        raise TendonreproError(message)
+
+    monkeypatch.setattr("tendonrepro.experiments.loops.build_reference", broken)
+    with pytest.raises(TendonreproError, match=r"plant 5 of box.*no such arm"):
+        evaluated(small_study(), PIECE, fake_batch)

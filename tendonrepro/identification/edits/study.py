@@ -19,9 +19,8 @@ from tendonrepro.identification.edits.rank import APART, SCHEMA_VERSION, Outcome
 from tendonrepro.identification.edits.recorded import EditedLaw
 from tendonrepro.identification.edits.rules import Variants, controller_of, law_of, variants_of
 from tendonrepro.identification.goal import Goal, goal_of, with_input
-from tendonrepro.monte_carlo import evaluate
-from tendonrepro.monte_carlo.kept import study_on_plants
-from tendonrepro.monte_carlo.plan import PLANTS_AT_ONCE, Piece, cost_of, identity_of
+from tendonrepro.monte_carlo import kept
+from tendonrepro.monte_carlo.kept import PLANTS_AT_ONCE, Piece, cost_of, identity_of, study_on_plants
 from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.parallel import as_ready, check_jobs
 from tendonrepro.physics.metrics import STATUSES
@@ -81,7 +80,7 @@ class EditStudy:
         """
         first = self.loops(0, 1)[0]
         for law in self.laws:
-            evaluate.refuse_on_lanes(law, first[law.name, PRINTED], law_of)
+            kept.refuse_on_lanes(law, first[law.name, PRINTED], law_of)
         edited = [law.name for law in self.laws] or self.goal.runs
         return variants_of({run: first[run, PRINTED] for run in edited})
 
@@ -106,11 +105,11 @@ class EditStudy:
         kind = np.dtype([("status", np.int8, shape), *numbers])
         stores = {KEPT: RecordStore(path, kind, self.plants)}
         cuts = np.split(np.arange(self.plants), range(PLANTS_AT_ONCE, self.plants, PLANTS_AT_ONCE))
-        pieces = evaluate.still_missing([Piece(KEPT, plants) for plants in cuts], stores)
+        pieces = kept.still_missing([Piece(KEPT, plants) for plants in cuts], stores)
         _CELLS[self.identity] = self.cells
         # A copy has none of the laws that were recorded, which is much to send to other processes.
         stream = as_ready(partial(_piece, replace(self), self.identity, kind), pieces, jobs)
-        evaluate.fill(stores, pieces, stream, site.talk)
+        kept.fill(stores, pieces, stream, site.talk)
         return stores[KEPT].read()
 
     def outcomes(self, records: Records, reading: int) -> Outcomes:
@@ -137,7 +136,7 @@ def _piece(study: EditStudy, identity: str, kind: RecordType, piece: Piece) -> t
         for (run, _), law in cells.items()
     ]
     records = np.empty(len(piece.plants), kind)
-    evaluate.record(simulate_batch(loops), records)
+    kept.record(simulate_batch(loops), records)
     return piece, records
 
 
