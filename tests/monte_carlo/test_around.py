@@ -79,13 +79,6 @@ def test_without_a_spread_the_shipped_ranges_are_relative(compare: Path) -> None
     assert ("links.mass", 1) not in ends
 
 
-def test_the_same_number_is_the_same_plant(compare: Path) -> None:
-    arm = around(compare, 0.5)
-    assert draw(arm, 3) == draw(arm, 3)
-    assert draw(arm, 3) != draw(arm, 4)
-    assert load_plants(compare, 0.5).sha256 != load_plants(compare, 0.4).sha256
-
-
 @pytest.mark.parametrize("spread", [0.0, 10.0, float("nan")])
 def test_a_spread_that_is_none(compare: Path, spread: float) -> None:
     with pytest.raises(UsageError):

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from support.command import answer
 from support.fake_batch import (
     DRAWS,
@@ -23,22 +22,12 @@ from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.monte_carlo.data import read_ensemble
 from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.results import record_store
-from tendonrepro.results.figures.style import Drawing
 
 
 def test_jobs_do_not_matter(unbroken, tmp_path):
     summary = run_ensemble_of(tmp_path, jobs=2)
     assert results(tmp_path) == results(unbroken)
     assert summary["resumed_from"] == 0
-
-
-def test_figures_are_written(unbroken, monkeypatch):
-    def draw():
-        return Drawing("one", Figure(), [], "")
-
-    monkeypatch.setattr("tendonrepro.monte_carlo.ensemble.ensemble_figures", lambda *_: {"one": draw})
-    run_ensemble_of(unbroken)
-    assert (unbroken / "figures" / "one.png").exists()
 
 
 class Stop(KeyboardInterrupt):

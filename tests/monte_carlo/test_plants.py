@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
 import numpy as np
-import pytest
-from pydantic import ValidationError
 from support.fake_batch import fingerprint
 
 from tendonrepro.configuration.any_kind import init_arm
 from tendonrepro.configuration.models.readings import Reading, parse_reading, under
-from tendonrepro.errors import ConfigError
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.experiments.rig import build_plant
 from tendonrepro.monte_carlo.ensemble import load_study
@@ -56,26 +52,6 @@ def test_every_reading_on_some_draw_equals_each_run_alone() -> None:
         assert_same(box, row, cases[k :: len(values)])
 
 
-@pytest.mark.slow
-def test_256_draws_under_every_reading_equal_each_run_alone() -> None:
-    """Each draw under a 32nd of all runs, so that every run is seen on eight draws."""
-    cases = study().cases
-    box, values = drawn(256)
-    for k, row in enumerate(values):
-        assert_same(box, row, cases[k % 32 :: 32])
-
-
-def test_runs_share_what_is_the_same() -> None:
-    box, values = drawn(2)
-    printed = load_study(None, (), None, "printed").cases
-    both = box.loops(values, printed)
-    first, second = (dict(zip([run for run, _ in printed], loops, strict=True)) for loops in both)
-    assert first["controller_1"].plant is first["controller_3"].plant
-    assert first["controller_1"].plant is not first["controller_1_payload"].plant
-    assert first["controller_1"].reference is first["controller_1_payload"].reference
-    assert (first["controller_1"].plant.arm.b != second["controller_1"].plant.arm.b).any()
-
-
 def test_draws_on_one_motion_share_it(tmp_path: Path) -> None:
     """Around an arm of one's own all follow its motion, but where a reading samples it otherwise."""
     init_arm(2, tmp_path)
@@ -87,21 +63,6 @@ def test_draws_on_one_motion_share_it(tmp_path: Path) -> None:
     assert first[0].reference is second[0].reference is not first[-1].reference
     assert first[-1].reference is second[-1].reference
     assert (first[0].plant.arm.b != second[0].plant.arm.b).any()
-
-
-def test_a_motion_that_no_sampling_period_divides_is_refused() -> None:
-    """The shipped motion lasts 9500 samples of 1.6 ms, but not every drawn one a whole number."""
-    keys = ("base.sampling_period.value=1.6", "base.solver.max_step.value=1.6")
-    other = load_study(None, keys, None, "printed")
-    box = other.populations["box"]
-    values = box.sample(7, 0, 0, 16)
-    fitting = 0
-    for row in values:
-        with suppress(ValidationError, ConfigError):
-            (loops,) = box.loops(row[np.newaxis], other.cases)
-            assert loops[0].reference.time[-1] / loops[0].L == pytest.approx(len(loops[0].reference.time) - 1)
-            fitting += 1
-    assert 0 < fitting < len(values)
 
 
 def test_the_linear_loop_has_what_is_drawn():
