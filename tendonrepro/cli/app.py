@@ -27,9 +27,7 @@ from tendonrepro.console import columns, without_controls
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.studies.command import FILES, GROUPS, ONE_ARM, PANELS
 
-Formatter: TypeAlias = Any
-Context: TypeAlias = Any
-Resolved: TypeAlias = Any
+OfClick: TypeAlias = Any
 """What writes help, a call, its command: of Click, or of the copy of it in newer versions of Typer."""
 
 INTERRUPTED = 130
@@ -48,7 +46,7 @@ Begin with "tendonrepro reproduce", then "tendonrepro claims" for the verdict on
 class FirstScreen(TyperGroup):
     """Lists commands by panels, and says what became of those that went."""
 
-    def format_commands(self, ctx: object, formatter: Formatter) -> None:
+    def format_commands(self, ctx: object, formatter: OfClick) -> None:
         """Write a section for each panel."""
         del ctx
         shown = {name: entry for name, entry in self.commands.items() if not entry.hidden}
@@ -58,7 +56,7 @@ class FirstScreen(TyperGroup):
             with formatter.section(panel):
                 formatter.write_dl([(n, entry.get_short_help_str(widest)) for n, entry in of_panel.items()])
 
-    def resolve_command(self, ctx: Context, args: list[str]) -> Resolved:
+    def resolve_command(self, ctx: OfClick, args: list[str]) -> OfClick:
         """Refuse the words of a command that has others now."""
         if args[0] in FORMER and not ctx.resilient_parsing:
             message = f"{args[0]!r} is now {FORMER[args[0]]!r}"

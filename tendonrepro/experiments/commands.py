@@ -121,7 +121,6 @@ def redraw(
     formats: Formats = None,
     figures: Drawn = True,
     force: Again = False,
-    talk: Telling = TALK,
 ) -> Answer[list[Path]]:
     """Draw figures and write tables again, from stored traces.
 
@@ -140,7 +139,7 @@ def redraw(
 
     kinds = formats_of(formats, figures=figures)
     paths = run.redraw(Path(out), names, formats=kinds, force=force)
-    return written(paths, paths, talk)
+    return written(paths, paths)
 
 
 @command(RESULT, Example("reports/decouple", speed=2))
@@ -182,7 +181,6 @@ def export(
     out: Path | str | None = None,
     *,
     force: Overwrite = False,
-    talk: Telling = TALK,
 ) -> Answer[Path]:
     """Write stored traces for other programs.
 
@@ -201,7 +199,7 @@ def export(
     from tendonrepro.results.traces import export_traces
 
     path = export_traces(Path(file), form, None if out is None else Path(out), force=force)
-    return written([path], path, talk)
+    return written([path], path)
 
 
 @command(RESULT, Example("reports/compare", "reports/extrapolating"))
@@ -241,12 +239,11 @@ Named: TypeAlias = Annotated[
 
 
 @command(CONFIG, Example())
-def config_list(*, talk: Telling = TALK) -> Answer[list[str]]:
+def config_list() -> Answer[list[str]]:
     """Names of the shipped configurations."""
-    from tendonrepro.configuration.load import shipped_folder, shipped_names
+    from tendonrepro.configuration.load import shipped_names
 
     names = shipped_names()
-    talk.detail(f"in {shipped_folder()}")
     return Answer({"schema_version": 1, "configs": names}, "\n".join(names), names)
 
 
@@ -266,7 +263,6 @@ def config_init(
     *,
     joints: int | None = None,
     out: Path = Path(),
-    talk: Telling = TALK,
 ) -> Answer[list[Path]]:
     """Begin an arm of your own, or copy a shipped configuration.
 
@@ -285,7 +281,7 @@ def config_init(
         message = "either the name of a shipped configuration, or --joints"
         raise UsageError(message, where="config init", hint="tendonrepro config init --joints 2")
     paths = init_arm(joints, out) if joints is not None else init_config(str(name), out)
-    return written(paths, paths, talk)
+    return written(paths, paths)
 
 
 @command(CONFIG, Example("my_experiment/compare.yaml"))

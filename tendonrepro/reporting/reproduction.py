@@ -122,9 +122,8 @@ def own_studies(config: Path, above: Path, *, tune: bool, **asked: object) -> di
         own["tune"] = (file, TUNED)
     studies: dict[str, Study] = {}
     for name, (source, more) in own.items():
-        command = COMMANDS[name]
         options = {**asked, **more, "out": above / name, "config": str(source)}
-        studies[name] = cast("Study", command.prepare(**command.bound(**options).arguments))
+        studies[name] = cast("Study", COMMANDS[name].prepare(**options))
     return studies
 
 

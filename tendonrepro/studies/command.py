@@ -73,10 +73,11 @@ class Command:
 
     def prepare(self, *args: object, **kwargs: object) -> Answer[object] | Study:
         """Call the function; a study then knows of which command it is."""
-        prepared = self.function(*args, **kwargs)
+        given = self._bound(*args, **kwargs)
+        prepared = self.function(*given.args, **given.kwargs)
         if not isinstance(prepared, Study):
             return prepared
-        return replace(prepared, command=self.word, again=self.words(*args, **kwargs))
+        return replace(prepared, command=self.word, again=self.words(*given.args, **given.kwargs))
 
     @property
     def word(self) -> str:
@@ -105,7 +106,7 @@ class Command:
         """Every parameter with its evaluated annotation, the shared ones spelled out."""
         return signature_of(self.function)
 
-    def bound(self, *args: object, **kwargs: object) -> inspect.BoundArguments:
+    def _bound(self, *args: object, **kwargs: object) -> inspect.BoundArguments:
         """Arguments by parameter: one of several becomes a list, a list of names a text with commas."""
         for name in kwargs.keys() - self.signature.parameters.keys():
             meant = did_you_mean(name, self.signature.parameters)
@@ -205,8 +206,7 @@ def _public(
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> V:
-        given = entry.bound(*args, **kwargs)
-        return value(cast("Prepared", entry.prepare(*given.args, **given.kwargs)))
+        return value(cast("Prepared", entry.prepare(*args, **kwargs)))
 
     parameters = [
         parameter.replace(annotation=parameter.annotation.__origin__)

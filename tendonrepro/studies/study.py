@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar, cast
 
-from tendonrepro.console import Talk, count_of, lasting
+from tendonrepro.console import Talk, lasting
 from tendonrepro.files import digest_of
 from tendonrepro.results.figures import formats_of
 from tendonrepro.studies.parameters import FOLDER, Destination, Folder
@@ -146,8 +146,7 @@ class Answer(Generic[V_co]):
     exit_code: int = 0
 
 
-def written(paths: Sequence[Path], value: V, talk: Talk) -> Answer[V]:
+def written(paths: Sequence[Path], value: V) -> Answer[V]:
     """Answer of a command that wrote files."""
     names = [str(path) for path in paths]
-    talk.detail(count_of(len(names), "file"))
     return Answer({"schema_version": 1, "files": names}, "\n".join(names), value)

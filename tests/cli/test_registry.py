@@ -188,7 +188,7 @@ def test_the_manifest_says_what_makes_a_result_again(
     monkeypatch.chdir(tmp_path)
     run("config", "init", "--joints", "2", "--out", "mine", cwd=tmp_path)
     (tmp_path / "mine" / "law.py").write_text("def f(*_):\n    return _\n", encoding="utf-8")
-    study = COMMANDS[name].prepare(**COMMANDS[name].bound(**given).arguments)
+    study = COMMANDS[name].prepare(**given)
     assert isinstance(study, Study)
     assert study.again
     plan = answer(*shlex.split(study.again)[1:], "--dry-run", cwd=tmp_path)
