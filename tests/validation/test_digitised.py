@@ -1,6 +1,7 @@
 """Curves read off our own Figure 14: motion and residual come out at their known values. SYNTHETIC."""
 
 import json
+from itertools import zip_longest
 
 import numpy as np
 import pytest
@@ -39,41 +40,32 @@ def curves(ours):
             yield name, times, exact + apart + noise
 
 
-def web_plot_digitizer(path, held):
+def web_plot_digitizer(folder, held):
     """Its table of all curves: names over pairs of columns, which have their own lengths."""
-    names = ",".join(f"{name}," for name, *_ in held)
-    rows = [names.rstrip(",") + ",", ",".join(["X,Y"] * len(held))]
-    for k in range(max(len(times) for _, times, _ in held)):
-        points = [f"{t[k]:.5f},{y[k]:.5f}" if k < len(t) else "," for _, t, y in held]
-        rows.append(",".join(points))
-    path.write_text("\n".join(rows) + "\n")
+    columns = []
+    for name, times, values in held:
+        columns += [[name, "X", *times.tolist()], ["", "Y", *values.tolist()]]
+    rows = [",".join(map(str, row)) for row in zip_longest(*columns, fillvalue="")]
+    (folder / "SYNTHETIC_all.csv").write_text("\n".join(rows))
 
 
 def svgdigitizer(folder, held):
     """A data package for each curve."""
     for number, (name, times, values) in enumerate(held):
-        stem = f"curve_{number}"
-        rows = "".join(f"{t:.5f},{y:.5f}\n" for t, y in zip(times, values, strict=True))
-        (folder / f"{stem}.csv").write_text("t,y\n" + rows)
-        fields = [
-            {"name": "t", "type": "number", "unit": "s"},
-            {"name": "y", "type": "number", "unit": "deg"},
-        ]
-        resource = {"name": name.removesuffix(" deg"), "path": f"{stem}.csv", "schema": {"fields": fields}}
-        (folder / f"{stem}.json").write_text(json.dumps({"resources": [resource]}))
+        path = folder / f"curve_{number}.csv"
+        np.savetxt(path, np.column_stack([times, values]), "%.5f", ",", header="t,y", comments="")
+        fields = [{"name": key, "type": "number", "unit": unit} for key, unit in (("t", "s"), ("y", "deg"))]
+        resource = {"name": name.removesuffix(" deg"), "path": path.name, "schema": {"fields": fields}}
+        path.with_suffix(".json").write_text(json.dumps({"resources": [resource]}))
 
 
-@pytest.fixture(scope="module", params=["WebPlotDigitizer", "svgdigitizer"])
+@pytest.fixture(scope="module", params=[web_plot_digitizer, svgdigitizer])
 def validated(request, ours, tmp_path_factory):
     """What validate says of a digitised figure, with the folder and the mapping."""
     folder = tmp_path_factory.mktemp("digitised")
     files = folder / "SYNTHETIC"
     files.mkdir()
-    held = list(curves(ours))
-    if request.param == "WebPlotDigitizer":
-        web_plot_digitizer(files / "SYNTHETIC_all.csv", held)
-    else:
-        svgdigitizer(files, held)
+    request.param(files, list(curves(ours)))
     mapping, measured = folder / "m.yaml", folder / "measured.h5"
     run_inspect([files], mapping, force=True)
     run_ingest([files], mapping, measured, force=True, dry_run=False, talk=QUIET)

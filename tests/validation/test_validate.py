@@ -51,11 +51,8 @@ def validate(path, out, *overrides, config="plain"):
 
 
 def test_measured_tables_hold_what_was_measured_beside_the_print():
-    sizes = {
-        "table2.controller_2.mae.joint_2": 0.3,
-        "table2.controller_2.mae.joint_3": 0.2,
-        "table2.controller_2.rmse.joint_2": 0.375,
-    }
+    columns = {"mae.joint_2": 0.3, "mae.joint_3": 0.2, "rmse.joint_2": 0.375}
+    sizes = {f"table2.controller_2.{column}": size for column, size in columns.items()}
     tried = Tried("whole", False, sizes, ("table2.controller_2.rmse.joint_2",))
     assert table_data(tried) == {
         "table3": {},

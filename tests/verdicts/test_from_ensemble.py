@@ -77,7 +77,7 @@ OPPOSITES = {
 """What turns every statement of a claim round: run, reading, statistics and factor."""
 
 PARTS = [
-    ("C2", FIRST, PRINTED, ["mae"], 2.0, "MAE of controller_1"),
+    ("C2", FIRST, PRINTED, ["rmse"], 2.0, "RMSE of controller_1"),
     ("C5", FIRST, PRINTED, sizes_of("H_hat", "_down"), 1.4, "moving down"),
     ("C6", FIRST, PRINTED, sizes_of("torque"), 1.2, "of torque of"),
     ("C3", FIRST, PRINTED, ["mae_calm"], 0.4, "larger there than elsewhere"),
@@ -103,6 +103,7 @@ class TestEveryClaimCanFail:
         assert (found.verdict, found.ours) == ("not_met", 0.0)
         verdicts_of_parts = {row["verdict"] for row in found.evidence["statements"]}
         assert {"contradicted", "compatible"} <= verdicts_of_parts
+        assert not any(row["share"] for row in found.evidence.get("beside", ()))
         for row in found.evidence["statements"]:
             assert word in row["statement"] or row["verdict"] == "compatible"
 

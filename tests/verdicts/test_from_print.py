@@ -32,10 +32,10 @@ class TestPercentages:
     @pytest.mark.parametrize(
         ("value", "digits", "way"),
         [
-            ("85.57", "85.5", "cut off"),
-            ("85.57", "85.6", "rounded"),
+            ("85.56", "85.5", "cut off"),
+            ("85.56", "85.6", "rounded"),
             ("85.52", "85.5", "rounded or cut off"),
-            ("85.57", "85.4", "neither"),
+            ("85.56", "85.4", "neither"),
         ],
     )
     def test_how_a_value_was_printed(self, value, digits, way):

@@ -74,9 +74,10 @@ def test_a_paper_without_one_order_has_no_verdict_on_it(made):
 def test_the_own_plant_of_a_paper_does_not_count():
     """A plant that errs unlike all others would else hold its own claim up."""
     data = MadeEnsemble()
+    data.codes["controller_2", PRINTED][1] = 2
     held = stable_errors(data, [PRINTED])
     paper = next(verdicts_on_papers(held, published(), ["C2"], noise=0.0, papers=1))["C2"]
-    assert paper.evidence["plants"] == len(data.replicate) - 1
+    assert paper.evidence["plants"] == len(data.replicate) - 2
 
 
 def test_what_is_not_stable_is_no_paper_and_no_plant():

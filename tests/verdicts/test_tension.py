@@ -57,14 +57,3 @@ def test_moments_are_those_of_the_plants_that_are_simulated():
         assert plants.moment[1:, k] == pytest.approx(by_hand)
         first = 9.81 * (0.74 * 0.132 + (mass[1] + mass[2]) * 0.33)
         assert plants.moment[0, k] == pytest.approx(first), "link 1 is not in the box"
-
-
-def test_where_the_distance_from_the_edges_decides_the_course_depends():
-    found = rule.tension(None)
-    rows = {row["course"]: row for row in found[PRINTED].evidence["courses"]}
-    verdicts = [rows[course]["verdict"] for course in ("negative", "distal_only", "alternating")]
-    assert verdicts == ["compatible", "depends_on_plant", "compatible"]
-    by_margin = rows["distal_only"]["every_tendon_tense"]
-    assert by_margin["at_5_deg"]["verdict"] != by_margin["at_20_deg"]["verdict"]
-    assert found[PRINTED].verdict == "depends_on_plant"
-    assert found["tensioner=absent"].verdict == "not_testable"
