@@ -26,7 +26,7 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.published import METRICS, published, row_of
 from tendonrepro.configuration.models.readings import CHANGED
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS
-from tendonrepro.results.run_noise import NOISE, with_noise
+from tendonrepro.results.summary import NOISE, with_noise
 from tendonrepro.verdicts.planted import MOST_PLANTS, StableErrors
 
 FOLDS = 5

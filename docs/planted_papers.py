@@ -17,7 +17,7 @@ from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.monte_carlo.shares import rate_of
-from tendonrepro.results.run_noise import NOISE
+from tendonrepro.results.summary import NOISE
 from tendonrepro.verdicts.planted import StableErrors, verdicts_on_papers
 from tendonrepro.verdicts.rules import Ruling
 from tendonrepro.verdicts.statements import OK

@@ -198,7 +198,7 @@ def _described(trace: records.Trace, start: float) -> dict[str, object]:
         moving = windows.spans(trace.time, windows.Timing(start, 0.0))["whole"]
         described["errors_from_s"] = float(trace.time[moving][0])
         sizes = summary.sizes_deg(trace["e"][moving])
-        described |= {f"{key}_deg": value.tolist() for key, value in sizes.items()}
+        described |= {key: value.tolist() for key, value in sizes.items()}
     return described
 
 

@@ -172,7 +172,7 @@ def _tried(
             e = e - np.ma.masked_invalid(e).mean(axis=0).filled(0.0)
         errors = sizes_deg(e)
         for metric in METRICS:
-            for joint, size in zip(trace.joint, errors[metric], strict=True):
+            for joint, size in zip(trace.joint, errors[f"{metric}_deg"], strict=True):
                 identifier = f"{row_of(name)}.{metric}.joint_{joint}"
                 if identifier in paper.entries and np.isfinite(size):
                     sizes[identifier] = float(size)

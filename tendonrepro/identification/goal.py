@@ -186,7 +186,7 @@ def _of_traces(path: Path, loaded: LoadedEnsemble, window: Window, runs: Sequenc
             message = f"the run {run} has no errors {name.replace('_', ' ')}"
             raise DataMissingError(message, where=str(path), hint="say --window whole")
         for metric in METRICS:
-            for joint, value in zip(trace.joint, sizes[metric], strict=True):
+            for joint, value in zip(trace.joint, sizes[f"{metric}_deg"], strict=True):
                 if joint in loaded.compare.joints and value > 0.0:
                     numbers[run, metric, joint] = float(value), np.nan
     return numbers

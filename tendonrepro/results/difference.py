@@ -132,7 +132,7 @@ def _metrics(first: Trace, second: Trace, tolerance: float) -> Iterator[dict[str
     for name in a:
         for joint, x, y in zip(first.joint, a[name].tolist(), b[name].tolist(), strict=True):
             if not _near(x, y, tolerance):
-                row = {"run": first.name, "joint": joint, "metric": f"{name}_deg"}
+                row = {"run": first.name, "joint": joint, "metric": name}
                 yield row | {"first": x, "second": y}
 
 

@@ -6,6 +6,7 @@ the print and the range of plausible plants.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
@@ -22,7 +23,6 @@ from tendonrepro.configuration.models.manipulator import Manipulator
 from tendonrepro.configuration.models.readings import AXES, PRINTED
 from tendonrepro.configuration.published import (
     COMPARED,
-    METRICS,
     PrintedText,
     coupling_of,
     published,
@@ -31,7 +31,6 @@ from tendonrepro.configuration.published import (
 )
 from tendonrepro.configuration.strict_yaml import Tree, load
 from tendonrepro.console import count_of
-from tendonrepro.files import read_json, shipped
 from tendonrepro.physics.drive import coupling_inverse
 from tendonrepro.results.records import Trace, TraceFile
 
@@ -39,7 +38,6 @@ _IDENTIFIED = ("identified: Tables 2 and 3, misfit", "identified: Controller 2 o
 """How the source of a value begins that was fitted to the print."""
 
 _LONGEST_CHANGES = 60
-_NO_RANGE = np.nan, np.nan
 
 OTHER_BASE = (
     "The base has not the paper's arm, gains and payload, or its runs start apart or with other friction. So "
@@ -64,28 +62,24 @@ def with_what_they_are(file: TraceFile, tree: Tree | None = None) -> TraceFile:
     papers = of_paper(file) and (not simulated or motion in _shipped_motions() or _is_fitted(motion))
     runs = {}
     for trace in traces:
-        has_row = papers and trace.name in RUNS and (not simulated or _is_the_papers(trace))
+        has = trace.attributes
+        driven = not simulated or (
+            trace.joint == COMPARED
+            and _driven_as_paper(trace.name, has["law"], has["gains"], has["payload_mass"])
+        )
         said = {
-            "printed_row": row_of(trace.name) if has_row else "",
+            "printed_row": row_of(trace.name) if papers and trace.name in RUNS and driven else "",
             "unloaded_run": unloaded_run(trace.name),
             "fitted_under": fitted,
         }
-        runs[trace.name] = replace(trace, attributes={**trace.attributes, **said})
+        runs[trace.name] = replace(trace, attributes={**has, **said})
     return replace(file, runs=runs)
-
-
-def _is_the_papers(trace: Trace) -> bool:
-    """Whether a run has the paper's joints, law, gains and payload."""
-    has = trace.attributes
-    driven = _driven_as_paper(trace.name, has["law"], has["gains"], has["payload_mass"])
-    return trace.joint == COMPARED and driven
 
 
 def _is_fitted(part: object) -> bool:
     """Whether the source of a value in a configuration says that it was fitted to the print."""
-    if isinstance(part, dict | list):
-        return any(map(_is_fitted, part.values() if isinstance(part, dict) else part))
-    return isinstance(part, str) and part.startswith(_IDENTIFIED)
+    text = json.dumps(part)
+    return any(f'"{source}' in text for source in _IDENTIFIED)
 
 
 def _fitted_under(traces: Sequence[Trace], motion: object) -> str:
@@ -193,43 +187,3 @@ def changed_readings(readings: Mapping[str, str]) -> list[str]:
         for name, axis in AXES.items()
         if readings.get(name, axis.printed) != axis.printed
     ]
-
-
-def beside(trace: Trace) -> tuple[dict[str, Array], dict[str, Array]]:
-    """What stands beside the errors of a run, degrees, (n,) each; NaN where nothing does.
-
-    Returns
-    -------
-    printed : dict
-        ``<metric>_deg`` of `METRICS`.
-    plausible : dict
-        ``<metric>_low_deg`` and ``<metric>_high_deg``, ends of the central 90 % of the shipped box's plants
-        that are stable under all controllers, with the equations as printed (docs/verdicts.md). They are of
-        whole runs that start on their reference.
-    """
-    row = trace.attributes.get("printed_row", "")
-    as_printed = row and not changed_readings(trace.attributes["readings"]) and not _differs(trace)
-    printed: dict[str, Array] = {}
-    plausible: dict[str, Array] = {}
-    for metric in METRICS:
-        printed[f"{metric}_deg"] = np.array(published().per_joint(f"{row}.{metric}", trace.joint))
-        names = [f"{row}.{metric}.joint_{joint}" for joint in trace.joint]
-        ends = [_ranges().get(name, _NO_RANGE) if as_printed else _NO_RANGE for name in names]
-        low, high = np.array(ends).T
-        plausible |= {f"{metric}_low_deg": low, f"{metric}_high_deg": high}
-    return printed, plausible
-
-
-def _differs(trace: Trace) -> bool:
-    """Whether a run starts off its reference, has other friction, or leaves out its start."""
-    attributes = trace.attributes
-    apart = bool(np.any(attributes.get("start_offset", 0.0))) or attributes.get("friction_scale", 1.0) != 1.0
-    return apart or attributes.get("errors_from", 0.0) > 0.0
-
-
-@cache
-def _ranges() -> dict[str, tuple[float, float]]:
-    """Ends by the identifiers of the stored verdicts."""
-    claims = read_json(shipped("docs") / "results" / "claims.json")["claims"]
-    boxes = {claim["id"]: claim["evidence"].get("box", {}) for claim in claims}
-    return {name: (box["low"], box["high"]) for name, box in boxes.items() if "low" in box}

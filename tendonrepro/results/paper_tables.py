@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import cache
 from typing import TypeAlias
 
 import numpy as np
 
 from tendonrepro.configuration.models.control import FIRST
 from tendonrepro.configuration.published import METRICS, PrintedNumber, PrintedRatio, published
+from tendonrepro.files import read_json, shipped
 from tendonrepro.physics.metrics import START
 from tendonrepro.results import summary
-from tendonrepro.results.paper import beside, fitted_under, of_paper
+from tendonrepro.results.paper import changed_readings, fitted_under, of_paper
 from tendonrepro.results.records import Trace, TraceFile
-from tendonrepro.results.summary import Sizes
+from tendonrepro.results.summary import ERRORS, Sizes
 from tendonrepro.results.tables import Table, TableColumns, rounded
 
 TableRow: TypeAlias = dict[str, object]
 """A table row by column name; a column without a value may be left out."""
-
-ERRORS = ("mae_deg", "rmse_deg", "max_deg")
 
 
 def _metric_columns(metric: str) -> TableColumns:
@@ -112,8 +112,8 @@ def _of_comparison(file: TraceFile) -> Iterator[Table]:
         caption = f"{about} {over}{_of_motors(file)}"
         caption = f"Table {name[-1]}, {caption}" if of_paper(file) else caption[0].upper() + caption[1:]
         caption += _PLAUSIBLE * any("mae_low_deg" in row for row in rows)
-        printed = [{"paper_row": titles[run]} | _as_printed(file, trace) for run, trace in runs.items()]
-        yield replace(_table(file, name, caption, rows), printed=_table(file, name, caption, printed))
+        laid_out = [{"paper_row": titles[run]} | _as_printed(file, trace) for run, trace in runs.items()]
+        yield replace(_table(file, name, caption, rows), printed=_table(file, name, caption, laid_out))
     about = f"Tracking errors of the whole run, and without its start{_of_motors(file)}"
     yield _table(file, "without_start", about, start_rows(file))
     yield _table(file, "torque", _MOTORS, motor_rows(file))
@@ -140,7 +140,7 @@ def table_data(file: TraceFile) -> dict[str, object]:
     """Numbers of an experiment's tables under the keys of ``--json``; lists run over a run's joints.
 
     ``table2`` and ``table3`` hold `ERRORS` over the run without the first ``errors_from`` seconds,
-    ``windows`` over others, ``printed`` and ``plausible`` what stands `beside`.
+    ``windows`` over others, `printed` and `plausible` what stands beside them.
     """
     both: dict[str, object] = {"status": {name: trace.status for name, trace in file.runs.items()}}
     for key, size in (("tension", summary.tension_sizes), ("torque", summary.torque_sizes)):
@@ -163,16 +163,16 @@ def table_data(file: TraceFile) -> dict[str, object]:
     windows: dict[str, dict[str, object]] = {}
     for name, trace in file.runs.items():
         for window, sizes in summary.tracking_errors(trace).items():
-            windows.setdefault(window, {})[name] = _lists(_columns(sizes))
+            windows.setdefault(window, {})[name] = _lists(sizes)
     # Those of the tables stand there.
     windows.pop(summary.without_start_name(left_out(file)), None)
     return {
         **both,
-        **of_rows(lambda trace: _columns(summary.table_errors(trace))),
+        **of_rows(summary.table_errors),
         "errors_from": left_out(file),
         "windows": windows,
-        "printed": of_rows(lambda trace: beside(trace)[0]),
-        "plausible": of_rows(lambda trace: beside(trace)[1]),
+        "printed": of_rows(printed),
+        "plausible": of_rows(plausible),
         "ranking": summary.ranking(file),
         "fitted_under": fitted_under(file),
     }
@@ -187,24 +187,51 @@ def left_out(file: TraceFile) -> float:
     return max((summary.errors_from(trace) for trace in file.runs.values()), default=0.0)
 
 
-def _columns(sizes: Sizes) -> Sizes:
-    """Sizes of errors, degrees, by column."""
-    return {f"{name}_deg": values for name, values in sizes.items()}
+def printed(trace: Trace) -> Sizes:
+    """Errors that the paper prints of a run, degrees, (n,) each; NaN where it prints none."""
+    row = trace.attributes.get("printed_row", "")
+    paper = published()
+    return {f"{name}_deg": np.array(paper.per_joint(f"{row}.{name}", trace.joint)) for name in METRICS}
+
+
+def plausible(trace: Trace) -> Sizes:
+    """Ends of the central 90 % of the shipped box's plants that are stable under all controllers, degrees.
+
+    The equations are as printed (docs/verdicts.md). Columns are ``<metric>_low_deg`` and
+    ``<metric>_high_deg``, (n,) each; NaN of a run that is read otherwise, starts off its reference, has other
+    friction, or leaves out its start.
+    """
+    has = trace.attributes
+    row, started = has.get("printed_row", ""), not np.any(has.get("start_offset", 0.0))
+    whole = started and not has.get("errors_from", 0.0) and has.get("friction_scale", 1.0) == 1.0
+    ranges = _ranges() if row and whole and not changed_readings(has["readings"]) else {}
+    ends: Sizes = {}
+    for metric in METRICS:
+        names = [f"{row}.{metric}.joint_{joint}" for joint in trace.joint]
+        low, high = np.array([ranges.get(name, (np.nan, np.nan)) for name in names]).T
+        ends |= {f"{metric}_low_deg": low, f"{metric}_high_deg": high}
+    return ends
+
+
+@cache
+def _ranges() -> dict[str, tuple[float, float]]:
+    """Ends by the identifiers of the stored verdicts."""
+    claims = read_json(shipped("docs") / "results" / "claims.json")["claims"]
+    boxes = {claim["id"]: claim["evidence"].get("box", {}) for claim in claims}
+    return {name: (box["low"], box["high"]) for name, box in boxes.items() if "low" in box}
 
 
 def error_columns(trace: Trace) -> Sizes:
-    """`ERRORS` of a run, (n,) each, and where known what stands `beside` them.
+    """`ERRORS` of a run, (n,) each, and where known what is `printed` and `plausible`.
 
     The print is ``<metric>_printed_deg``, ours over it ``<metric>_ratio``.
     """
-    printed, plausible = beside(trace)
-    columns = _columns(summary.table_errors(trace))
-    columns |= {name: ends for name, ends in plausible.items() if np.isfinite(ends).any()}
-    for metric in METRICS:
-        numbers = printed[f"{metric}_deg"]
+    columns = {**summary.table_errors(trace)}
+    columns |= {name: ends for name, ends in plausible(trace).items() if np.isfinite(ends).any()}
+    for name, numbers in printed(trace).items():
         if np.isfinite(numbers).any():
-            columns[f"{metric}_printed_deg"] = numbers
-            columns[f"{metric}_ratio"] = columns[f"{metric}_deg"] / numbers
+            metric = name.removesuffix("_deg")
+            columns |= {f"{metric}_printed_deg": numbers, f"{metric}_ratio": columns[name] / numbers}
     return columns
 
 
@@ -217,7 +244,7 @@ def start_rows(file: TraceFile) -> Iterator[TableRow]:
             row: TableRow = {"run": summary.run_title(trace), "status": trace.told_status}
             for metric in METRICS:
                 for column, name in (("whole", "whole"), ("settled", window)):
-                    cell = "/".join(rounded(size, "z.3f") for size in sizes[name][metric])
+                    cell = "/".join(rounded(size, "z.3f") for size in sizes[name][f"{metric}_deg"])
                     row[f"{metric}_{column}_pair"] = cell
             yield row
 
@@ -251,7 +278,7 @@ def decoupling_rows(file: TraceFile) -> Iterator[TableRow]:
     """``joint``, `ERRORS` and ``status`` of the run ``decouple``."""
     trace = file.runs.get("decouple")
     if trace is not None and "q_calculated" in trace and "q_encoder" in trace:
-        yield from _by_joint(trace, _columns(summary.decoupling_errors(trace)))
+        yield from _by_joint(trace, summary.decoupling_errors(trace))
 
 
 def _as_printed(file: TraceFile, trace: Trace) -> TableRow:

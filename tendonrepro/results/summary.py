@@ -1,4 +1,4 @@
-"""Numbers of a trace file: errors in degrees, torques, tensions, rankings; and statistics of a run, SI."""
+"""Numbers of a trace file: errors in degrees, torques, tensions, rankings; a run's statistics and noise."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any, TypeAlias, TypedDict
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import FIRST, LOADED, SECOND, THIRD
@@ -27,18 +28,30 @@ LOADS: Mapping[str, str] = {"no_load": FIRST, "with_load": LOADED}
 USER_LAW = "user law "
 """Begins a run's ``law`` where that is a user's."""
 
+NOISE = 0.02
+"""Relative noise of a run's errors on a joint, one standard deviation.
+
+Assumed, as the paper shows no repeated run. Simulated runs as published scatter about as much, root mean
+square, when masses move by a millionth (docs/results/repeats.json).
+"""
+
+NOISE_OF_SHAPE = 0.25
+"""Noise of RMSE/MAE over `NOISE`, assumed; in those repeats it is about a third."""
+
 Sizes: TypeAlias = dict[str, Array]
 _Rates: TypeAlias = tuple[Array, Array]
 """Desired velocity and acceleration, (T, n) each."""
 
+ERRORS = ("mae_deg", "rmse_deg", "max_deg")
+
 
 def sizes_deg(e: Array) -> Sizes:
-    """``mae``, ``rmse`` and ``max`` of each joint, degrees, (n,) each; missing samples are left out.
+    """``mae_deg``, ``rmse_deg`` and ``max_deg`` of each joint, (n,) each; missing samples are left out.
 
     `e` is the error, rad, (T, n).
     """
     degrees = np.rad2deg(e)
-    return {"mae": mae(degrees), "rmse": rmse(degrees), "max": max_abs(degrees)}
+    return {"mae_deg": mae(degrees), "rmse_deg": rmse(degrees), "max_deg": max_abs(degrees)}
 
 
 def errors_from(trace: Trace) -> float:
@@ -84,7 +97,7 @@ def table_errors(trace: Trace) -> Sizes:
 
 
 def _unknown(trace: Trace) -> Sizes:
-    return dict.fromkeys((*METRICS, "max"), np.full(len(trace.joint), np.nan))
+    return dict.fromkeys(ERRORS, np.full(len(trace.joint), np.nan))
 
 
 def decoupling_errors(trace: Trace) -> Sizes:
@@ -186,7 +199,7 @@ def ranking(file: TraceFile) -> dict[str, dict[str, RunOrder]]:
     papers = len(known) > 1 and all(trace.attributes.get("printed_row") for trace in known)
     result: dict[str, dict[str, RunOrder]] = {}
     for metric in METRICS if len(runs) > 1 else ():
-        sizes = np.array([table_errors(trace)[metric] for trace in runs])
+        sizes = np.array([table_errors(trace)[f"{metric}_deg"] for trace in runs])
         for joint, column in zip(runs[0].joint, np.where(np.isnan(sizes), np.inf, sizes).T, strict=True):
             order = [runs[place].name for place in np.argsort(column, kind="stable")]
             rising = all(bool(better < worse) for better, worse in pairwise(column[: len(known)]))
@@ -276,3 +289,17 @@ def _slow(values: Array, newest: float) -> Array:
         course: Any = accumulate([*known[:1], *known], lambda old, new: streaming.slowed(old, new, newest))
         filtered[there, i] = [*course][1:]
     return filtered
+
+
+def with_noise(errors: Array, noise: float, rng: np.random.Generator) -> Array:
+    """Errors (N, runs, metrics, n) with the noise of a run on each joint, much alike in MAE and RMSE."""
+    of_size, of_shape = noise * rng.standard_normal((2, *errors[:, :, 0].shape))
+    return np.asarray(errors * np.exp(np.stack([of_size, of_size + NOISE_OF_SHAPE * of_shape], axis=2)))
+
+
+def noise_covariance(kept: NDArray[np.bool_]) -> Array:
+    """Covariance (K, K) of the logs of K errors kept of (runs, metrics, n) that :func:`with_noise` gives."""
+    run, metric, joint = np.nonzero(kept)
+    same_run = (run[:, np.newaxis] == run) & (joint[:, np.newaxis] == joint)
+    of_shape = NOISE_OF_SHAPE**2 * np.diag(metric.astype(float))
+    return np.asarray(NOISE**2 * (same_run + of_shape))

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from tendonrepro.results.figures.catalogue import FIGURES, available, caption_of, runs_of
-from tendonrepro.results.figures.panels import Sheet
-from tendonrepro.results.figures.style import REFERENCE, Drawing, Stroke, journal_style, paler
+from tendonrepro.results.figures.style import REFERENCE, Drawing, Sheet, Stroke, journal_style, paler
 from tendonrepro.results.records import Trace, TraceFile
 
 _LABEL = "Thin, dashed: simulated"

@@ -34,7 +34,7 @@ from tendonrepro.studies.study import Site
 from tendonrepro.verdicts.measurement import Measurement, judge_measured, measurement_of
 from tendonrepro.verdicts.rules import Ruling
 
-_METRICS = {"mae": "mae", "rms": "rmse", "max": "max"}
+_METRICS = {"mae": "mae_deg", "rms": "rmse_deg", "max": "max_deg"}
 ANOTHER_MOTION_DEG = 0.2
 """Difference of a run's desired angle from the motion that the model follows from which it is told, deg."""
 _SMOOTH = 0.05
@@ -62,7 +62,7 @@ def comparison_rows(measured: Trace, simulated: Trace, start: float = -np.inf) -
     columns: Sizes = {}
     with np.errstate(divide="ignore", invalid="ignore"):
         if "e" in both:
-            sizes = [sizes_deg(errors["e"])["mae"] for errors in (first, second)]
+            sizes = [sizes_deg(errors["e"])["mae_deg"] for errors in (first, second)]
             columns |= {"measured_mae_deg": sizes[0], "simulated_mae_deg": sizes[1]}
             columns |= {"mae_ratio": sizes[0] / sizes[1], "e_samples": np.isfinite(apart["e"]).sum(axis=0)}
             columns |= _differences("e_", apart["e"])
@@ -73,10 +73,10 @@ def comparison_rows(measured: Trace, simulated: Trace, start: float = -np.inf) -
             columns |= _differences("q_", apart["q_encoder"])
             columns["lag_s"] = _lag(-apart["q_encoder"], _rate(model, time))
     if "q_d" in both:
-        columns["q_d_max_deg"] = sizes_deg(apart["q_d"])["max"]
+        columns["q_d_max_deg"] = sizes_deg(apart["q_d"])["max_deg"]
     if {"q_calculated", "q_encoder"} <= {*both}:
-        columns["measured_calculated_mae_deg"] = decoupling_errors(ours)["mae"]
-        columns["simulated_calculated_mae_deg"] = decoupling_errors(model)["mae"]
+        columns["measured_calculated_mae_deg"] = decoupling_errors(ours)["mae_deg"]
+        columns["simulated_calculated_mae_deg"] = decoupling_errors(model)["mae_deg"]
     for place, joint in enumerate(joints):
         yield {"run": ours.name, "joint": joint, "status": model.status} | _row(columns, place)
 

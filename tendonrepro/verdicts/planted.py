@@ -17,8 +17,7 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import METRICS, Published
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS, Share, rate_of
-from tendonrepro.results.run_noise import NOISE, with_noise
-from tendonrepro.results.summary import CONTROLLERS
+from tendonrepro.results.summary import CONTROLLERS, NOISE, with_noise
 from tendonrepro.verdicts.from_ensemble import judge_plants
 from tendonrepro.verdicts.from_print import PERCENTAGES, error_of, formula_of
 from tendonrepro.verdicts.rules import Ruling, not_testable

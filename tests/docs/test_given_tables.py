@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import norm
 from support.pages import DOCS, NEEDS_DOCS
 
-from tendonrepro.results.run_noise import NOISE
+from tendonrepro.results.summary import NOISE
 from tendonrepro.verdicts.planted import StableErrors
 
 pytest.importorskip("sklearn")

@@ -25,13 +25,7 @@ from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.experiments.run import experiment_result
 from tendonrepro.results.figures import FORMATS
 from tendonrepro.results.figures.catalogue import FIGURES, available, draw
-from tendonrepro.results.figures.panels import thin
-from tendonrepro.results.figures.style import (
-    SERIES,
-    Drawing,
-    journal_style,
-    save_drawing,
-)
+from tendonrepro.results.figures.style import SERIES, Drawing, journal_style, save_drawing, thin
 from tendonrepro.results.paper import with_what_they_are
 from tendonrepro.results.records import Trace, TraceFile
 

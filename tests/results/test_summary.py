@@ -15,13 +15,16 @@ from tendonrepro.experiments.loops import all_loops
 from tendonrepro.results.paper import fitted_under, with_what_they_are
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import (
+    NOISE,
     loaded_runs,
+    noise_covariance,
     ranking,
     saturated,
     sizes_deg,
     statistics,
     tension_sizes,
     tensions,
+    with_noise,
 )
 from tendonrepro.simulation.batch import simulate_batch
 
@@ -45,17 +48,17 @@ def constant_errors(degrees: dict[str, tuple[float, float]]) -> TraceFile:
 class TestSizes:
     def test_degrees_per_joint(self) -> None:
         sizes = sizes_deg(np.deg2rad([[3.0, 0.0], [-4.0, 1.0]]))
-        assert sizes["mae"] == pytest.approx([3.5, 0.5])
-        assert sizes["rmse"] == pytest.approx([math.sqrt(12.5), math.sqrt(0.5)])
-        assert sizes["max"] == pytest.approx([4.0, 1.0])
+        assert sizes["mae_deg"] == pytest.approx([3.5, 0.5])
+        assert sizes["rmse_deg"] == pytest.approx([math.sqrt(12.5), math.sqrt(0.5)])
+        assert sizes["max_deg"] == pytest.approx([4.0, 1.0])
 
     def test_missing_samples_are_left_out_one_by_one(self) -> None:
         e = np.deg2rad([[1.0, math.nan], [-3.0, 2.0], [math.nan, math.nan]])
         sizes = sizes_deg(e)
-        assert sizes["mae"] == pytest.approx([2.0, 2.0])
-        assert sizes["rmse"] == pytest.approx([math.sqrt(5.0), 2.0])
-        assert sizes["max"] == pytest.approx([3.0, 2.0])
-        assert np.isnan(sizes_deg(e[:0])["mae"]).all()
+        assert sizes["mae_deg"] == pytest.approx([2.0, 2.0])
+        assert sizes["rmse_deg"] == pytest.approx([math.sqrt(5.0), 2.0])
+        assert sizes["max_deg"] == pytest.approx([3.0, 2.0])
+        assert np.isnan(sizes_deg(e[:0])["mae_deg"]).all()
 
 
 C1, C2, C3 = "controller_1", "controller_2", "controller_3"
@@ -192,3 +195,20 @@ def test_what_a_plant_was_fitted_under_has_its_motion_and_starts() -> None:
     assert fitted_under(apart) == "motion=ramp+starts=apart"
     first = dataclasses.replace(apart, runs={C1: apart.runs[C1]})
     assert fitted_under(first) == fitted_under(apart), "it depends on the runs that a figure shows"
+
+
+def noisy_logs() -> Array:
+    """Of 4000 draws, 3 runs, 2 metrics and 2 joints."""
+    return np.log(with_noise(np.ones((4000, 3, 2, 2)), NOISE, np.random.default_rng(1)))
+
+
+def test_noise_is_shared_by_mae_and_rmse_but_for_a_part() -> None:
+    assert noisy_logs().std(axis=0) == pytest.approx(0.02, rel=0.1)
+    assert (noisy_logs()[:, :, 1] - noisy_logs()[:, :, 0]).std(axis=0) == pytest.approx(0.005, rel=0.1)
+
+
+def test_the_covariance_is_that_of_the_noise() -> None:
+    kept = np.ones((3, 2, 2), dtype=bool)
+    kept[1, 0, 1] = False
+    found = np.cov(noisy_logs()[:, kept].T)
+    np.testing.assert_allclose(noise_covariance(kept), found, atol=0.1 * NOISE**2)

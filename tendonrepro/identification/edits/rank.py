@@ -22,7 +22,7 @@ from tendonrepro.files import Json
 from tendonrepro.identification.edits.rules import Variant, Variants
 from tendonrepro.identification.goal import Goal
 from tendonrepro.monte_carlo.shares import rate_of
-from tendonrepro.results.run_noise import NOISE, noise_covariance, with_noise
+from tendonrepro.results.summary import NOISE, noise_covariance, with_noise
 from tendonrepro.results.tables import Table
 from tendonrepro.studies.result import Result
 

@@ -29,7 +29,6 @@ from tendonrepro.physics.statics import (
     tendon_path,
     tensioner_side,
 )
-from tendonrepro.results.figures.panels import thin
 from tendonrepro.results.figures.style import (
     PAGE_MM,
     Look,
@@ -38,6 +37,7 @@ from tendonrepro.results.figures.style import (
     open_figure,
     settle,
     stroke_of,
+    thin,
 )
 from tendonrepro.results.paper import origin_of
 from tendonrepro.results.records import PlantRecord, Trace, TraceFile

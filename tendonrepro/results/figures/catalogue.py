@@ -10,8 +10,7 @@ from tendonrepro.configuration.models.control import FIRST, LOADED
 from tendonrepro.configuration.models.manipulator import MOST_JOINTS
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.results.figures import paper_figures as paper
-from tendonrepro.results.figures.panels import Sheet
-from tendonrepro.results.figures.style import Drawing, journal_style, title_of
+from tendonrepro.results.figures.style import Drawing, Sheet, journal_style, title_of
 from tendonrepro.results.paper import of_paper, origin_of
 from tendonrepro.results.records import Trace, TraceFile
 from tendonrepro.results.summary import compared_runs

@@ -22,12 +22,13 @@ from tendonrepro.results.figures.arm import (
     postures,
     tendon_paths,
 )
-from tendonrepro.results.figures.panels import Band, Sheet
 from tendonrepro.results.figures.style import (
     COLUMN_MM,
     PAGE_MM,
     REFERENCE,
+    Band,
     Look,
+    Sheet,
     Stroke,
     paler,
     stroke_of,
