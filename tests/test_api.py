@@ -205,8 +205,8 @@ def test_a_result_is_saved_in_the_formats_asked_for(
     assert drawn == {*suffixes, *(["txt"] if suffixes else [])}
     assert read_manifest(folder)["figure_formats"] == suffixes
     assert tr.open(folder).manifest["config"] == alone.manifest["config"]
-    tr.redraw(folder, ["14"], formats=["svg"])
-    assert (folder / "figures" / "fig14.svg").exists()
+    made = tr.redraw(folder, ["14"], formats=["svg"])
+    assert {*made} == {folder / "figures" / name for name in ("fig14.svg", "fig14.txt")}, "and no tables"
     assert read_manifest(folder)["figure_formats"] == (suffixes or ["svg"])
 
 

@@ -12,6 +12,7 @@ from support.synthetic import make_compare_file, make_decouple_file, whole
 
 from tendonrepro.console import QUIET
 from tendonrepro.errors import DataMissingError, UsageError
+from tendonrepro.physics.statics import path_points
 from tendonrepro.results.figures.arm import MOST_PICTURES, animate, draw_scene, scene_of
 from tendonrepro.results.figures.style import journal_style
 from tendonrepro.results.paper import origin_of
@@ -38,6 +39,14 @@ class TestScene:
         for path, expected in zip(scene.paths, turned, strict=False):
             length = path_length(path)
             assert (length[0] - length) / path.radius[0] == pytest.approx(expected, abs=1e-12)
+
+    def test_tendons_end_where_the_axis_of_their_link_leaves_the_pulley(self):
+        scene = scene_of(decouple_file())
+        links = np.diff(scene.joints, axis=1)[700]
+        along = links / np.hypot(*links.T)[:, np.newaxis]
+        for path, direction in zip(scene.paths, along[[0, 1, 2, 2]], strict=True):
+            end = path.centre[700, -1] + np.abs(path.radius[-1]) * direction
+            assert path_points(path, 700)[-1] == pytest.approx(end, abs=1e-12)
 
     def test_links_have_their_lengths_and_angles(self):
         scene = scene_of(compare_file())
