@@ -16,7 +16,6 @@ from tendonrepro.dataset.commands import *
 from tendonrepro.validation.commands import *
 from tendonrepro.evidence.commands import *
 from tendonrepro.tuning.commands import *
-from tendonrepro.identification.edits.commands import *
 from tendonrepro.studies.command import COMMANDS as COMMANDS
 
 if TYPE_CHECKING:

@@ -24,7 +24,6 @@ from tendonrepro.results.summary import tracking_errors, without_start_name
 from tendonrepro.results.traces import TRACES, read_traces
 
 Target: TypeAlias = Literal["controller_2", "all"]
-FITTED: Mapping[Target, tuple[str, ...]] = {"controller_2": ("controller_2",), "all": RUNS}
 """Runs whose published numbers are fitted."""
 
 Window: TypeAlias = Literal["whole", "late", "settled"]
@@ -105,7 +104,7 @@ def printed_numbers(paper: Published, joints: Sequence[int], fit: Target = "all"
         f"{row_of(run)}.{metric}.joint_{joint}" for run in RUNS for metric in METRICS for joint in joints
     ]
     numbers, shape = [paper.digits(name) for name in names], (len(RUNS), len(METRICS), len(joints))
-    fitted = np.array([run in FITTED[fit] for run in RUNS])
+    fitted = np.array([fit in (run, "all") for run in RUNS])
     return Goal(
         name="Tables 2 and 3" if fit == "all" else "Controller 2 of Table 2",
         named={"fit": fit},

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from matplotlib.axes import Axes
 
 from tendonrepro.configuration.models.control import FIRST, SECOND, THIRD
+from tendonrepro.files import Json
 from tendonrepro.results.figures import style
 from tendonrepro.tuning.bench import KNOWN, PUBLISHED
-from tendonrepro.tuning.search import TunedRow
 
 PANELS = {PUBLISHED: "nothing known, velocity as measured", KNOWN: "model known, velocity filtered"}
 LEFT_OUT = {"dob", "alpha_published", "alpha_extrapolating"}  # their curves lie on those of special cases
@@ -21,7 +21,7 @@ FEW = 0.5  # share of plants below which a median is not drawn
 
 @style.journal_style()
 def draw_tuning(
-    laws: Sequence[TunedRow], titles: Mapping[str, str], on: str = "the plants", gains: str = "published"
+    laws: Sequence[Json], titles: Mapping[str, str], on: str = "the plants", gains: str = "published"
 ) -> style.Drawing:
     """Draw medians of error against torque roughness, a panel for each condition.
 
@@ -46,8 +46,8 @@ def draw_tuning(
     return style.Drawing("tune", figure, list(panels), caption, origin=f"Simulated, tendonrepro tune, {on}")
 
 
-def _draw(panel: Axes, rows: Sequence[TunedRow], titles: Mapping[str, str], gains: str) -> None:
-    def plot(own: Sequence[TunedRow], look: style.Look) -> None:
+def _draw(panel: Axes, rows: Sequence[Json], titles: Mapping[str, str], gains: str) -> None:
+    def plot(own: Sequence[Json], look: style.Look) -> None:
         panel.plot([row["roughness_Nm"] for row in own], [row["error_deg"] for row in own], **look)
 
     best = [row for row in rows if row["alpha"] is None and row["cap"] != "published"]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
@@ -158,17 +158,14 @@ _LAWS = (
 )
 LAWS = {law.name: law for law in _LAWS}
 
-# Other gains of these, and of the published α (n,).
-Conversion: TypeAlias = Callable[[Gains, Array], Numbers]
-
 
 class Equivalence(NamedTuple):
-    """How gains of one law give another that does the same."""
+    """How gains of one law, and the published α (n,), give another that does the same."""
 
     source: str
     target: str
     exact: bool
-    change: Conversion
+    change: Callable[[Gains, Array], Numbers]
 
 
 def _slope(gains: Gains) -> Array:

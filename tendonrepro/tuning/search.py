@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from scipy.stats import gmean
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.ensemble import LoadedEnsemble
 from tendonrepro.configuration.models.control import SECOND
+from tendonrepro.files import Json
 from tendonrepro.monte_carlo.kept import Kept
 from tendonrepro.monte_carlo.population import evolution, population_of
 from tendonrepro.results.paper import compares_as_paper
@@ -36,9 +37,6 @@ ALPHAS = (-0.5, -0.2, 0.0, 0.1, 0.2, 0.5, 0.8)
 
 # Difference of errors, in logs, up to which a special case is matched: rounding moves encoder counts.
 SAME = 0.02
-
-TunedRow: TypeAlias = dict[str, Any]
-"""A law under a condition and a cap on one draw, as it is stored."""
 
 # Candidates that a search begins with, and how wide they lie around its start, as a share of the ranges.
 FIRST, FIRST_WIDTH = 32, 0.15
@@ -219,8 +217,8 @@ class TuningTask:
         config = population.configured(population.sample(seed, 0, number, 1)[0])
         return bench.posed(config)
 
-    def tuned(self, states: Path, number: int) -> list[TunedRow]:
-        """Tune every law on one draw, as plain values; what was looked at is kept in the folder `states`."""
+    def tuned(self, states: Path, number: int) -> list[Json]:
+        """Rows of every law, condition and cap on one draw; what was looked at is kept in `states`."""
         plants = self.draw(number)
         scale = bench.measure(plants, [bench.as_published(plants)[SECOND]]).roughness[0]
         caps = {name: float(share * scale) for name, share in CAPS.items()}
@@ -233,7 +231,7 @@ class TuningTask:
         return [{"draw": number, **row} for row in rows]
 
 
-def _best_rows(tuning: Tuning, caps: Mapping[str, float]) -> Iterator[TunedRow]:
+def _best_rows(tuning: Tuning, caps: Mapping[str, float]) -> Iterator[Json]:
     """Yield the best of all searches of a law, and the same gains with α = 0."""
     n, searches = tuning.plants.alpha.size, dict.fromkeys(key[:3] for key in tuning.places)
     for (name, condition, alone), (cap, most) in product(searches, caps.items()):
@@ -249,11 +247,11 @@ def _best_rows(tuning: Tuning, caps: Mapping[str, float]) -> Iterator[TunedRow]:
         yield row
 
 
-def _row(law: str, condition: str, alone: bool, cap: str, **more: object) -> TunedRow:
+def _row(law: str, condition: str, alone: bool, cap: str, **more: object) -> Json:
     return {"law": law, "condition": condition, "alone": alone, "cap": cap, **more}
 
 
-def _published_rows(plants: TrialPlants) -> Iterator[TunedRow]:
+def _published_rows(plants: TrialPlants) -> Iterator[Json]:
     """Yield Controllers 1 to 3 as published, and Controller 2 over its estimator's weights."""
     for condition in CONDITIONS:
         for name, candidate in bench.as_published(plants, condition).items():
@@ -264,7 +262,7 @@ def _published_rows(plants: TrialPlants) -> Iterator[TunedRow]:
         yield _row(SECOND, condition, False, "published", alpha=alpha, candidate=moved)
 
 
-def _measured(plants: TrialPlants, rows: Sequence[TunedRow], path: Path) -> list[TunedRow]:
+def _measured(plants: TrialPlants, rows: Sequence[Json], path: Path) -> list[Json]:
     """Rows with what their candidates give, angles in rad, kept in a file."""
     candidates, n = [row["candidate"] for row in rows if "candidate" in row], plants.alpha.size
 

@@ -28,8 +28,8 @@ from tendonrepro.reporting.contents import read_shown
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.tuning.bench import ALL_RUNS, PUBLISHED, as_published, measure, usable
 from tendonrepro.tuning.laws import LAWS
-from tendonrepro.tuning.report import law_rows
 from tendonrepro.tuning.search import TuningEffort, TuningTask
+from tendonrepro.tuning.tuning import law_rows
 from tendonrepro.verdicts.judge import judge_all
 
 pytestmark = NEEDS_DOCS

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -39,9 +38,9 @@ from tendonrepro.identification.edits.study import EditStudy, edited_goal
 from tendonrepro.monte_carlo.kept import stub_of
 from tendonrepro.physics import control
 from tendonrepro.physics.control import Law
-from tendonrepro.results.record_store import Records, RecordStore
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.loop import Loop
+from tendonrepro.simulation.stepper import simulate
 from tendonrepro.studies.study import Site
 
 CONTROLLERS = ("controller_1", "controller_2", "controller_3")
@@ -252,39 +251,18 @@ def test_a_plant_that_made_a_table_counts_for_no_edit() -> None:
     assert of.of(own, without=3)[2] < of.of(own)[2]
 
 
-@pytest.fixture
-def few_cells(monkeypatch: pytest.MonkeyPatch) -> EditStudy:
-    """Three plants, one at a time, without edits."""
+def test_plants_are_run_once_and_err_as_by_scipy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two plants, one at a time, without edits; a second run finds them on disk."""
     monkeypatch.setattr(edits_study, "PLANTS_AT_ONCE", 1)
-    loaded = load_plants(None)
-    study = EditStudy(loaded, (), edited_goal(loaded, (), None), 3)
+    loaded, site = load_plants(None), Site(Talk(), tmp_path)
+    study = EditStudy(loaded, (), edited_goal(loaded, (), None), 2)
     study.__dict__["variants"] = Variants((), (), (), 0)
-    return study
-
-
-def test_a_study_that_is_killed_goes_on_to_the_same_bytes(
-    few_cells: EditStudy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def site(name: str) -> Site:
-        return Site(Talk(), tmp_path / name)
-
-    put, calls = RecordStore.put, iter(range(9))
-
-    def dying(store: RecordStore, places: Iterator[int], records: Records) -> None:
-        if next(calls) == 1:
-            raise KeyboardInterrupt
-        put(store, places, records)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(RecordStore, "put", dying)
-        with pytest.raises(KeyboardInterrupt):
-            few_cells.run(site("killed"), 1)
-    for name in ("killed", "whole"):
-        few_cells.run(site(name), 1)
-    killed, whole = (
-        next((tmp_path / name / "plants").iterdir()).read_bytes() for name in ("killed", "whole")
-    )
-    assert killed == whole
+    records = study.run(site, 1)
+    monkeypatch.setattr(edits_study, "simulate_batch", None)
+    np.testing.assert_array_equal(study.run(site, 1), records)
+    error = simulate(study.loops(1, 1)[0]["controller_2", "printed"])["e"]
+    ours = np.rad2deg([np.abs(error).mean(axis=0), np.sqrt((error**2).mean(axis=0))])
+    np.testing.assert_allclose(study.outcomes(records, 0).sizes[0, 1, 1], ours, rtol=0.03)
 
 
 OWN = """

@@ -159,7 +159,6 @@ WIDE = "run,joint,mae_deg,rmse_deg\n"
         (WIDE + "controller_1,1,0.2,0.3\ncontroler_2,1,0.2,0.3\n", 3),
         (WIDE + "controller_1,3,0.2,0.3\n", 2),
         (WIDE + "controller_1,1,0,0.3\n", 2),
-        (WIDE + "controller_1,1,0.3,inf\n", 2),
         (WIDE + "controller_1,1,two,0.3\n", 2),
         (WIDE + "controller_1,1,1,25,0,3\n", 2),
         (WIDE + "controller_1,1,0.2,0.3\ncontroller_1,1,0.2,0.3\n", 3),

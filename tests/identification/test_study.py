@@ -2,16 +2,21 @@
 
 import csv
 import json
+import math
+import re
 from collections import Counter
 from pathlib import Path
+from statistics import fmean
 
 import numpy as np
 import pytest
 from support.made_plants import Killed, made_up, made_up_paper
+from support.pages import tables_of
 
 from tendonrepro.commands import COMMANDS
-from tendonrepro.configuration.load import load_config
+from tendonrepro.configuration.load import load_config, shipped_file
 from tendonrepro.configuration.models.control import RUNS
+from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.console import QUIET
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_loops
@@ -185,3 +190,23 @@ def test_what_cannot_be_asked(tmp_path, asked):
     with pytest.raises(UsageError) as caught:
         identified(tmp_path / "out", **asked)
     assert caught.value.where == f"--{next(iter(asked))}"
+
+
+@pytest.mark.slow
+def test_misfit_of_the_shipped_closest_plant_is_the_one_that_its_heading_states():
+    """By the other stepper, and by arithmetic of its own."""
+    heading = read_text(shipped_file("closest"))
+    data = tables_of("closest")
+    assert set(data["status"].values()) == {"ok"}
+    printed = data["printed"]
+    pairs = [(data["table2"][run], held) for run, held in printed["table2"].items()]
+    pairs.append((data["table3"]["with_load"], printed["table3"]["with_load"]))
+    logs = [
+        math.log(ours / theirs)
+        for mine, papers in pairs
+        for metric in ("mae_deg", "rmse_deg")
+        for ours, theirs in zip(mine[metric], papers[metric], strict=True)
+    ]
+    assert len(logs) == 16
+    (misfit,) = re.findall(r"Misfit ([\d.]+),", heading)
+    assert math.sqrt(fmean(log**2 for log in logs)) == pytest.approx(float(misfit), abs=0.003)

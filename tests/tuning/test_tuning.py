@@ -1,13 +1,16 @@
-"""A small tuning from start to end: what it writes, killed and taken up again, and what it refuses."""
+"""A small tuning from start to end, killed and taken up again; what it refuses; its verdicts."""
 
 from __future__ import annotations
 
 import json
 import math
 from collections.abc import Sequence
+from itertools import combinations, product
 from pathlib import Path
+from statistics import fmean, median
 from typing import Any, ClassVar
 
+import numpy as np
 import pytest
 
 import tendonrepro as tr
@@ -16,8 +19,10 @@ from tendonrepro.configuration.ensemble import load_plants
 from tendonrepro.errors import UsageError
 from tendonrepro.physics import error_rate, time_delay_estimate
 from tendonrepro.simulation.loop import TimeDelayController
-from tendonrepro.tuning import bench, report, search, tuning
+from tendonrepro.simulation.stepper import simulate
+from tendonrepro.tuning import bench, search, tuning
 from tendonrepro.tuning.bench import (
+    CONDITIONS,
     PUBLISHED,
     Candidate,
     Performance,
@@ -28,6 +33,17 @@ from tendonrepro.tuning.bench import (
     posed,
 )
 from tendonrepro.tuning.laws import LAWS
+from tendonrepro.tuning.search import CAPS, TuningEffort, TuningTask
+from tendonrepro.tuning.tuning import (
+    FEWEST,
+    QUESTIONS,
+    alpha_rows,
+    comparisons,
+    law_rows,
+    lost_to_special_case,
+    pairs_among,
+    question_rows,
+)
 
 SMALL: dict[str, Any] = {"plants": 2, "searches": 2, "generations": 2, "population": 4, "jobs": 1}
 
@@ -46,8 +62,8 @@ surface.bounds = {"M_bar": (1e-4, 0.1), "lam": (2.0, 200.0), "beta": (1.0, 100.0
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Three laws under one condition, so that a tuning takes seconds."""
     monkeypatch.setattr(tuning, "LAWS", {name: LAWS[name] for name in ("pid", "tsm", "ntsm")})
-    monkeypatch.setattr(report, "QUESTIONS", (("ntsm", "tsm"), ("tsm", "pid")))
-    for module in (search, report):
+    monkeypatch.setattr(tuning, "QUESTIONS", (("ntsm", "tsm"), ("tsm", "pid")))
+    for module in (search, tuning):
         monkeypatch.setattr(module, "CONDITIONS", (PUBLISHED,))
 
 
@@ -99,12 +115,21 @@ def test_what_it_writes(tmp_path: Path) -> None:
         for name in ("surface", "tsm")
     }
     assert errors["surface"] == pytest.approx(errors["tsm"], rel=0.6)
-    # What is kept of a plant is what its gains give.
-    for row in found["by_plant"]:
-        if row["stable"] and row["cap"] in search.CAPS:
-            assert row["roughness"] > 0.0
-            least = min(error for error in row["errors"] if error is not None)
-            assert least == pytest.approx(math.log(row["error"]), abs=0.02)
+    # What is kept of a plant is what its gains give, also by SciPy.
+    kept = [row for row in found["by_plant"] if row["stable"] and row["cap"] in CAPS]
+    for row in kept:
+        least = min(error for error in row["errors"] if error is not None)
+        assert least == pytest.approx(math.log(row["error"]), abs=0.02)
+    own = [row for row in kept if (row["law"], row["cap"], row["alone"]) == ("tsm", "none", False)]
+    task = TuningTask(load_plants(None), LAWS, TuningEffort(2, 2, 4), 0)
+    for row in own:
+        gains = {name: np.array(value) for name, value in row["gains"].items()}
+        loops = loops_of(task.draw(row["draw"]), Candidate(LAWS["tsm"], PUBLISHED, gains), 2)
+        errors = [np.abs(simulate(loop)["e"]).mean(axis=0) for loop in loops]
+        assert row["error"] == pytest.approx(math.exp(fmean(np.log(errors).ravel())), rel=0.02)
+    stored_row = {"law": "tsm", "condition": PUBLISHED, "alone": False, "cap": "none"}
+    (at_best,) = (row for row in stored["laws"] if stored_row.items() <= row.items())
+    assert at_best["error_deg"] == pytest.approx(math.degrees(median(row["error"] for row in own)))
 
 
 @pytest.mark.slow
@@ -172,3 +197,118 @@ def test_what_it_refuses(tmp_path: Path, options: dict[str, Any]) -> None:
     with pytest.raises(UsageError):
         run(tmp_path / "tune", **options)
     assert not any(tmp_path.iterdir())
+
+
+DRAWS = 2 * FEWEST
+
+
+def made_rows(
+    ratio: float, alone: float | None = None, spread: float = 0.0, scatter: float = 0.0, draws: int = DRAWS
+) -> list[dict[str, Any]]:
+    """Law ``a`` errs `ratio` times as much as ``b``, give or take a spread; searches miss by `scatter`.
+
+    Searched alone it errs `alone` times as much, else the same.
+    """
+    noise = np.exp(spread * np.random.default_rng(0).standard_normal(draws))
+    ratios = {False: ratio, True: alone or ratio}
+    return [
+        {"law": law, "condition": condition, "alone": way, "cap": cap, "draw": draw, "stable": True}
+        | {"error": size, "held_out_error": size, "errors": [np.log(size), np.log(size) + scatter, None]}
+        for condition, cap, draw, way in product(CONDITIONS, CAPS, range(draws), ratios)
+        for law, size in (("a", ratios[way] * float(noise[draw])), ("b", 1.0))
+    ]
+
+
+@pytest.mark.parametrize(
+    ("made", "verdict"),
+    [
+        (made_rows(0.5), "smaller error"),
+        (made_rows(2.0), "larger error"),
+        (made_rows(0.98, spread=0.02), "alike"),
+        (made_rows(0.98, spread=0.5), "undecided"),
+        (made_rows(0.8, scatter=0.5), "undecided"),
+        (made_rows(0.7, scatter=0.2), "smaller error"),
+        (made_rows(0.5, draws=FEWEST - 1), "undecided"),
+        (made_rows(0.5, alone=0.7), "smaller error"),
+        (made_rows(0.5, alone=2.0), "undecided"),
+        (made_rows(0.98, alone=0.85), "undecided"),
+        (made_rows(0.98, alone=1.03, scatter=0.08), "alike"),
+    ],
+)
+def test_verdict(made: list[dict[str, Any]], verdict: str) -> None:
+    found = list(comparisons(made, [("a", "b")], 0))
+    assert {one["verdict"] for one in found} == {verdict}
+    assert len(found) == len(CONDITIONS) * len(CAPS)
+
+
+def test_a_question_counts_its_cases_and_shows_its_widest_interval() -> None:
+    found = list(comparisons(made_rows(0.98, alone=1.03, spread=0.02, scatter=0.08), [("a", "b")], 0))
+    (asked,) = question_rows(found, {"a": "A", "b": "B"})
+    assert asked["no_difference"] == asked["agree"] == len(found)
+    assert asked["low"] < asked["median_ratio"] < asked["high"] < asked["alone_high"]
+
+
+def test_tuned_alpha_and_whether_it_acts() -> None:
+    """Under one cap α is 0, under another it changes nothing, elsewhere it halves the error."""
+    made = made_rows(1.0)
+    for row in made:
+        row["law"] = {"a": "alpha_free", "b": "ntsm"}[row["law"]]
+        row["gains"] = {"alpha": [0.0 if row["cap"] == "none" else 0.4] * 2}
+        zeroed = {**row, "alpha": 0.0}
+        if row["law"] == "alpha_free":
+            made = [*made, zeroed]
+            row["error"] = 0.5 if row["cap"] in ("1/10", "1/30") else 1.0
+    for found in (every := [*alpha_rows(made)]):
+        assert found["cases"] == DRAWS * len(CAPS)
+        assert (found["share_zero"], found["share_without_effect"]) == (0.25, 0.5)
+        assert (found["alpha_10"], found["alpha_median"], found["ratio_with_effect"]) == (0.0, 0.4, 0.5)
+    assert len(every) == 2 * len(CONDITIONS)
+
+
+@pytest.mark.parametrize(
+    "chosen", [("ntsm", "pid"), ("alpha_free", "pid", "ntsm"), ("mine", "tdc"), ("mine", *LAWS)]
+)
+def test_chosen_laws_are_compared_each_with_each(chosen: tuple[str, ...]) -> None:
+    pairs = pairs_among(dict.fromkeys(chosen).keys())
+    together = {frozenset(pair) for pair in combinations(chosen, 2)}
+    asked = {frozenset(pair) for pair in (*QUESTIONS, ("mine", "ntsm"), ("mine", "pid"))}
+    assert len({frozenset(pair) for pair in pairs}) == len(pairs)
+    assert {frozenset(pair) for pair in pairs} == (together & asked if "dob" in chosen else together)
+
+
+def test_a_law_behind_its_own_special_case_is_told_unless_it_was_searched_alone() -> None:
+    names = {"a": "ntsm", "b": "tsm"}
+    behind, level = ([{**row, "law": names[row["law"]]} for row in made_rows(ratio)] for ratio in (1.5, 1.0))
+    lost = [*lost_to_special_case(behind)]
+    assert len(lost) == DRAWS * len(CONDITIONS) * len(CAPS)
+    assert {(row["law"], row["to"], row["alone"]) for row in lost} == {("ntsm", "tsm", False)}
+    assert not [*lost_to_special_case(level)]
+
+
+def test_the_interval_is_that_of_the_median_over_draws_with_gains() -> None:
+    made = made_rows(0.8, spread=0.2, draws=65)
+    for row in made:
+        row["stable"] = row["draw"] > 0 or row["law"] != "a"
+    found = next(comparisons(made, [("a", "b")], 0))
+    assert found["draws"] == 64
+    assert found["held_out"] == pytest.approx(found["ratio"], rel=1e-3)
+    # The median of 64 normal numbers has a standard error of 1.25 times that of the mean.
+    width = np.log(found["high"] / found["low"])
+    assert width == pytest.approx(2 * 1.96 * 1.25 * 0.2 / 8.0, rel=0.4)
+    assert found["low"] < found["ratio"] < found["high"]
+
+
+def test_a_law_in_numbers() -> None:
+    """Medians over the plants on which it is stable, of errors without and with payload together."""
+    keys = {"law": "a", "condition": PUBLISHED, "alone": False, "cap": "none"}
+    errors = [[[0.01, 0.02], [0.03, 0.04]], [[0.02, 0.06], [0.02, 0.08]]]
+    made = [
+        keys | {"stable": True, "mae": mae, "error": size, "roughness": size}
+        for mae, size in zip(errors, (0.1, 0.3), strict=True)
+    ]
+    (row,) = law_rows([*made, keys | {"stable": False}], (2, 3))
+    assert row["share_stable"] == 2 / 3
+    assert row["mae_joint_2_deg"] == pytest.approx(math.degrees(0.02))
+    assert row["mae_joint_3_deg"] == pytest.approx(math.degrees(0.05))
+    assert row["mae_joint_3_deg_90"] == pytest.approx(math.degrees(0.074))
+    assert (row["error_deg"], row["roughness_Nm"]) == pytest.approx((math.degrees(0.2), 0.2))

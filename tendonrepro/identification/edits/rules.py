@@ -81,13 +81,8 @@ class Anatomy:
             self.times |= zip(course, letters, strict=False)
             for newer, older in pairwise(course):
                 self.moved |= {(newer, 1): older, (older, -1): newer}
-        self.inner = {
-            operand
-            for name in self.used
-            if self.lines[name][0] in "+-"
-            for operand in self.lines[name][1]
-            if self.is_part(operand, name, "+-")
-        }
+        sums = [name for name in self.used if self.lines[name][0] in "+-"]
+        self.inner = {part for name in sums for part in self.lines[name][1] if self.is_part(part, name, "+-")}
         self.alike: dict[Key, list[str]] = defaultdict(list)
         for name in self.used:
             self.alike[self.key(name)].append(name)
