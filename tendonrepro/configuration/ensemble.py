@@ -202,7 +202,8 @@ def _ranges_on(config: CompareConfig, ranges: Ranges) -> dict[str, Ends]:
     for key, ends in ranges.items() if isinstance(ranges, Mapping) else map(_read, ranges or ()):
         owner = _OF.get(key, key)
         if key not in ROWS:
-            wrong, hint = f"no key {key!r} varies around an arm{did_you_mean(key, ROWS)}", ", ".join(ROWS)
+            wrong = f"no key {key!r} varies around an arm{did_you_mean(key, ROWS)}"
+            hint = f"There are: {', '.join(ROWS)}"
         elif key in checked:
             wrong, hint = f"{key} is given twice", "name each key once"
         elif len(ends) != 2 or not 1.0 / MOST <= ends[0] <= ends[1] <= MOST:

@@ -10,7 +10,7 @@ from typing import Annotated, Literal, NoReturn, Self, TypeAlias
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
-from tendonrepro.configuration.strict_yaml import Key, Location, Parsed, holds, paths, place
+from tendonrepro.configuration.strict_yaml import Key, Parsed, holds, paths, place
 from tendonrepro.console import count_of
 from tendonrepro.errors import ConfigError, did_you_mean, nearest
 
@@ -101,12 +101,8 @@ def explain(error: ValidationError, tree: Parsed, name: str) -> ConfigError:
         shown = ".".join(map(str, path[:-1] if kind in ("missing", "extra_forbidden") else path))
         words = _words(detail, path, meant.get(path))
         mistakes.append((place(tree, path, name), f"{shown}: {words}" if shown else words))
-    return listed(mistakes)
-
-
-def listed(mistakes: Iterable[tuple[Location, str]]) -> ConfigError:
-    """One message of all mistakes, in reading order."""
-    lines = [f"{place}: {message}" for place, message in sorted(mistakes, key=lambda mistake: mistake[0])]
+    mistakes.sort(key=lambda mistake: mistake[0])
+    lines = [f"{here}: {message}" for here, message in mistakes]
     return ConfigError("\n".join([f"{count_of(len(lines), 'mistake')} in the configuration", *lines]))
 
 

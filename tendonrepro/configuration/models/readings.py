@@ -7,7 +7,6 @@ from typing import NamedTuple, TypeVar, get_args
 
 import numpy as np
 
-from tendonrepro.arrays import Array, Numeric
 from tendonrepro.configuration.models.control import RUNS, SECOND, At, Readings
 from tendonrepro.configuration.models.experiment import CompareConfig
 from tendonrepro.configuration.models.reference import Strokes
@@ -249,22 +248,14 @@ def _ramp(_: str, __: CompareConfig, draw: Mapping[str, float]) -> dict[str, obj
 
 def _apart(_: str, config: CompareConfig, draw: Mapping[str, float]) -> dict[str, object]:
     """Arms wait beside the reference, as far as their links stay in the half-plane."""
-    posture = np.cumsum(config.posture.si)[-len(COMPARED) :]
+    posture = np.cumsum(config.posture.si)[-len(COMPARED) :]  # of the links, from hanging
     runs = dict(config.runs)
     for run in RUNS:
-        offset = _angles(start_offset(posture, draw, run).tolist(), f"offset_{run}")
+        offsets = np.cumsum([draw[OFFSETS[run, joint]] for joint in COMPARED])
+        links = np.clip(posture + offsets, _LEAST_ANGLE, np.pi - _LEAST_ANGLE) - posture
+        offset = _angles(np.diff(links, prepend=0.0).tolist(), f"offset_{run}")
         runs[run] = runs[run].model_copy(update={"start_offset": offset})
     return {"runs": runs}
-
-
-def start_offset(posture: Array, draw: Mapping[str, Numeric], run: str) -> Array:
-    """Joint angles less the reference before a run, rad, (n, ...), of a draw or arrays of draws.
-
-    `posture` (n, ...) holds absolute start angles of the links, rad from hanging.
-    """
-    offsets = np.cumsum([draw[OFFSETS[run, joint]] for joint in COMPARED], axis=0)
-    links = np.clip(posture + offsets, _LEAST_ANGLE, np.pi - _LEAST_ANGLE) - posture
-    return np.concatenate([links[:1], np.diff(links, axis=0)])
 
 
 def _run_friction(_: str, config: CompareConfig, draw: Mapping[str, float]) -> dict[str, object]:
