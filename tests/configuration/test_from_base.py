@@ -172,17 +172,10 @@ def test_the_base_of_an_experiment_may_have_one_itself(folder: Path) -> None:
     assert raised.value.where == f"{folder / 'compare.yaml'}:2"
 
 
-@pytest.mark.parametrize(
-    ("given", "meant"),
-    [
-        ("control.gains.lamb=8", "'lam'"),
-        ("pulley_diameter.0.0=3", "did you mean 'manipulator.routing.pulley_diameter.value.0.0'?"),
-    ],
-)
-def test_keys_of_the_base_are_meant_too(folder: Path, given: str, meant: str) -> None:
+def test_keys_of_the_base_are_meant_too(folder: Path) -> None:
     (folder / "compare.yaml").write_text(COMPARE + "control: {gains: {alpha: 0.3}}\n", encoding="utf-8")
-    with pytest.raises(ConfigError, match=meant):
-        load_config(folder / "compare.yaml", "compare", overrides=[given])
+    with pytest.raises(ConfigError, match="'lam'"):
+        load_config(folder / "compare.yaml", "compare", overrides=["control.gains.lamb=8"])
 
 
 LINKS = ["mass", "length", "com", "inertia"]
@@ -247,12 +240,9 @@ def test_a_new_arm_overwrites_nothing(tmp_path: Path) -> None:
 
 
 def test_a_tendon_may_pass_a_joint_without_a_pulley(folder: Path) -> None:
-    """Zeros above the diagonal uncouple the joints; on the diagonal they leave a joint without its tendon."""
+    """Zeros above the diagonal uncouple the joints."""
     arm, path = folder / "my_arm.yaml", folder / "compare.yaml"
     arm.write_text(ARM.replace("[[60, 30], [0, 40]], sign: 1", "[[60, 0], [0, 40]], sign: 1"), "utf-8")
     loaded = load_config(path, "compare")
     for view in run_views(loaded.config).values():
         assert view.plant.drive.S_inv == pytest.approx(np.diag([60 / 40, 40 / 40]))
-    arm.write_text(ARM.replace("[[60, 30], [0, 40]], sign: 1", "[[60, 30], [0, 0]], sign: 1"), "utf-8")
-    with pytest.raises(ConfigError):
-        load_config(path, "compare")

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from tendonrepro.configuration.any_kind import checked, init_config, json_schema
+from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.load import CompareConfig, load_config, shipped_folder
 from tendonrepro.configuration.quantity import Quantity
 from tendonrepro.errors import ConfigError, UsageError
@@ -69,17 +70,6 @@ def test_every_way_to_the_same_configuration(
     assert [way.folder for way in ways[3:]] == [tmp_path, tmp_path]
 
 
-def test_manipulator_beside_the_file_comes_before_the_shipped_one(tmp_path: Path) -> None:
-    init_config("compare", tmp_path)
-    own = tmp_path / "lumidouce_ii.yaml"
-    own.write_text(own.read_text().replace("value:  9.81", "value:  1.62"))
-    loaded = load_config(tmp_path / "compare.yaml", "compare")
-    assert loaded.config.manipulator.gravity.si == 1.62
-    assert loaded.inputs == (tmp_path / "compare.yaml", own)
-    own.unlink()
-    assert load_config(tmp_path / "compare.yaml", "compare").config.manipulator.gravity.si == 9.81
-
-
 def test_hash_sees_values_and_sources_but_not_layout(tmp_path: Path) -> None:
     init_config("compare", tmp_path)
     path = tmp_path / "compare.yaml"
@@ -91,22 +81,6 @@ def test_hash_sees_values_and_sources_but_not_layout(tmp_path: Path) -> None:
     assert load_config(path, "compare").sha256 != before
     path.write_text(text.replace("whose half it is", "half of it"))
     assert load_config(path, "compare").sha256 != before
-
-
-def test_sampled_trajectory_counts_by_its_content_and_is_missed_with_its_line(tmp_path: Path) -> None:
-    init_config("compare", tmp_path)
-    path, csv = tmp_path / "compare.yaml", tmp_path / "motion.csv"
-    text = path.read_text()
-    before, after = text.index("  kind: sine"), text.index("# ---- Control laws")
-    path.write_text(f"{text[:before]}  kind: sampled\n  file: motion.csv\n\n{text[after:]}")
-    with pytest.raises(ConfigError, match="no file") as raised:
-        load_config(path, "compare")
-    assert raised.value.where == f"{path}:{text[:before].count(chr(10)) + 2}"
-    csv.write_text("time_s,q2_deg,q3_deg\n")
-    first = load_config(path, "compare")
-    assert first.inputs[-1] == csv
-    csv.write_text("time_s,q2_deg,q3_deg\n0,0,0\n")
-    assert load_config(path, "compare").sha256 != first.sha256
 
 
 MOTION = "time_s,q2_deg,q3_deg\n0,0,0\n1,4,2\n2,15,9\n3,26,18\n4,30,22\n5,30,22\n"
@@ -205,7 +179,6 @@ def test_mistakes_of_a_base_have_its_own_lines(tmp_path: Path) -> None:
     [
         ("base: decouple.yaml\n", "decouple.yaml.*'compare'"),
         ("base: ../compare.yaml\n", "beside this one or a shipped one"),
-        ("base: mine.yaml\n", "mine.yaml"),
     ],
 )
 def test_a_base_that_cannot_be(tmp_path: Path, text: str, message: str) -> None:
@@ -251,17 +224,13 @@ def test_source_given_by_hand_is_kept_and_a_unit_loses_it(order: int) -> None:
 
 
 def test_whole_sections_and_words() -> None:
+    payload = "{value: 1, unit: kg, source: 'assumed: x'}"
     config = changed(
         "control.readings.phi_branch=power",
-        "control.filter_cutoff=50",
-        "disturbance={kind: sine, torque: {value: [1, 1], unit: N m, source: 'assumed: x'}, "
-        "frequency: {value: 2, unit: Hz, source: 'assumed: x'}}",
-        "runs.extra={law: tdc, payload: {value: 1, unit: kg, source: 'assumed: x'}}",
+        "disturbance={kind: none}",
+        f"runs.extra={{law: tdc, payload: {payload}}}",
     )
-    assert config.control.readings.phi_branch == "power"
-    assert config.control.filter_cutoff is not None
-    assert config.control.filter_cutoff.si == 50.0
-    assert config.disturbance.kind == "sine"
+    assert (config.control.readings.phi_branch, config.disturbance.kind) == ("power", "none")
     assert list(config.runs)[-1] == "extra"
 
 
@@ -365,3 +334,56 @@ def test_an_override_is_one_of_the_kind_that_is_checked() -> None:
 )
 def test_an_override_that_no_reading_reads_is_named(overrides: list[str], unread: int) -> None:
     assert len(load_config(None, "compare", overrides=overrides).remarks) == unread
+
+
+# ---- plants to draw ----------------------------------------------------------------------------------------
+
+
+def test_the_shipped_ensemble_is_of_the_comparison() -> None:
+    loaded = load_ensemble(None)
+    files = ["ensemble.yaml", "compare.yaml", "lumidouce_ii.yaml"]
+    assert [path.name for path in loaded.base.inputs] == files
+    assert loaded.compare == load_config(None, "compare").config
+
+
+@pytest.mark.parametrize(
+    "override",
+    ["seed=2", "box.posture.high=60", "populations.box.share=0.5", "base.control.gains.lam=[7, 8]"],
+)
+def test_hash_covers_what_determines_results(override: str) -> None:
+    changed = load_ensemble(None, overrides=[override])
+    assert changed.sha256 != load_ensemble(None).sha256
+    assert changed.base.overrides == (override,)
+
+
+def test_a_seed_is_an_override() -> None:
+    loaded = load_ensemble(None, seed=5)
+    assert loaded.config.seed.si == 5
+    assert loaded.base.overrides == ("seed=5",)
+
+
+def test_a_base_on_the_command_line_must_be_a_comparison() -> None:
+    for base in ("missing.yaml", "decouple.yaml"):
+        with pytest.raises(ConfigError):
+            load_ensemble(None, overrides=[f"base={base}"])
+
+
+def test_the_slowest_strokes_end_within_the_longest_run() -> None:
+    with pytest.raises(ConfigError, match="longest_run"):
+        load_ensemble(None, overrides=["box.velocity.low=3"])
+
+
+def test_motions_that_are_not_chosen_need_not_end_within_the_longest_run() -> None:
+    chosen = {"box.motion.choices": ["minimum_jerk"], "longest_run": 22}
+    assert load_ensemble(None, overrides=chosen).config.longest_run.si == 22.0
+
+
+def test_base_must_have_the_four_runs(tmp_path: Path) -> None:
+    mine = (shipped_folder() / "compare.yaml").read_text(encoding="utf-8")
+    mine = mine.replace("  controller_1_payload:", "  loaded:")
+    (tmp_path / "mine.yaml").write_text(mine, encoding="utf-8")
+    path, text = tmp_path / "ensemble.yaml", (shipped_folder() / "ensemble.yaml").read_text(encoding="utf-8")
+    path.write_text(text.replace("base: compare.yaml ", "base: mine.yaml "), encoding="utf-8")
+    with pytest.raises(ConfigError, match="controller_1_payload") as raised:
+        load_ensemble(path)
+    assert raised.value.where == f"{path}:{text[: text.index('base: compare')].count(chr(10)) + 1}"

@@ -3,8 +3,6 @@ from __future__ import annotations
 from fnmatch import fnmatchcase
 from fractions import Fraction
 
-import pytest
-
 from tendonrepro.configuration.published import (
     PrintedNumber,
     PrintedQuotient,
@@ -48,12 +46,6 @@ class TestShippedFile:
             Fraction("0.4355") / Fraction("0.3055"),
             Fraction("0.4365") / Fraction("0.3045"),
         )
-        printed = {"controller_1": (1.19, 1.19), "controller_2": (1.30, 1.22), "controller_3": (1.43, 1.31)}
-        for run, sizes in (printed | {"controller_1_payload": (1.23, 1.17)}).items():
-            for joint, size in zip((2, 3), sizes, strict=True):
-                low, high = published().interval(f"rmse_over_mae.{run}.joint_{joint}")
-                assert low < high < low + 0.02
-                assert 0.5 * float(low + high) == pytest.approx(size, abs=0.006)
 
 
 def test_every_id_is_used_once_and_judged_by_one_rule() -> None:

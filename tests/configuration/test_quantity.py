@@ -12,7 +12,6 @@ from pydantic import ValidationError
 
 from tendonrepro.configuration.load import load_config
 from tendonrepro.configuration.quantity import (
-    UNITS,
     Joints,
     Matrix,
     Moving,
@@ -59,15 +58,6 @@ def test_millimetres_give_the_float_nearest_the_written_decimal(value: int) -> N
     assert sample("lengths", [value] * 3, "mm").si.tolist() == [float(f"{value}e-3")] * 3
 
 
-@pytest.mark.parametrize(("unit", "si", "factor"), [
-    ("ms", "s", 1e-3), ("mm", "m", 1e-3), ("deg", "rad", np.pi / 180), ("deg s-1", "rad s-1", np.pi / 180),
-    ("deg s-2", "rad s-2", np.pi / 180), ("N m s", "N m s rad-1", 1.0), ("kg m2", "kg m2", 1.0),
-])  # fmt: skip
-def test_units(unit: str, si: str, factor: float) -> None:
-    assert UNITS[unit].si == si
-    assert UNITS[unit].factor / UNITS[unit].divisor == factor
-
-
 def test_si_arrays_cannot_be_changed() -> None:
     for quantity in (sample("lengths", [1, 2, 3], "m"), sample("table", [[1, 2, 3]] * 3, "mm")):
         with pytest.raises(ValueError, match="read-only"):
@@ -99,11 +89,6 @@ def test_sizes_are_those_of_the_arm(field: str, value: Any, found: str | None) -
 ])  # fmt: skip
 def test_refused(field: str, value: Any, unit: str, at: tuple[int | str, ...], words: str) -> None:
     assert words in mistakes(field, value, unit)[at]
-
-
-def test_a_number_with_its_unit_behind_it_is_told_how_it_is_written() -> None:
-    with pytest.raises(ValidationError, match=r"value: 300, unit: mm, source: "):
-        Sample.model_validate({"lengths": "300 mm"})
 
 
 @pytest.mark.parametrize("source", ["printed", "printed:", "printed: ", "Printed: x", "guessed: x", ""])
