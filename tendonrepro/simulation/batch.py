@@ -102,10 +102,10 @@ def simulate_batch(
         return len(pack.loops)
 
     size = LANES if record else max(LANES, min(PACK, len(loops) // (4 * threads)))
+    ready = prepared_loops(loops, tolerance)
+    batch = _unresolved(loops, np.array([loop.steps for loop in ready]), record=record)
+    packs = [pack for alike in _alike(ready) for pack in _packs(alike, size, record=record)]
     with ThreadPoolExecutor(threads) as pool:
-        ready = prepared_loops(loops, tolerance, pool.map)
-        batch = _unresolved(loops, np.array([loop.steps for loop in ready]), record=record)
-        packs = [pack for alike in _alike(ready) for pack in _packs(alike, size, record=record)]
         for done in pool.map(run, packs):
             report(done)
     return batch
@@ -284,16 +284,14 @@ class Signals:
     def __init__(self, loops: Sequence[Loop]) -> None:
         self._n = loops[0].plant.preload.size
         # The same motion may be fed to some laws late.
-        key = [(id(loop.reference), loop.reference_lag) for loop in loops]
-        motions = {name: loop.fed for name, loop in dict(zip(key, loops, strict=True)).items()}
-        seeds = {loop.noise_source: loop for loop in loops if loop.is_noisy}
-        self._motions, self._noises = [*motions.values()], [loop.unit_noise() for loop in seeds.values()]
-        number = {name: k for k, name in enumerate(motions)}
-        self._motion = np.array([number[name] for name in key])
-        # The last noise is none.
-        place = {source: k for k, source in enumerate(seeds)}
-        self._noise = np.array([place.get(loop.noise_source, len(place)) for loop in loops])
-        self.names = ("desired", "noise") if seeds else ("desired",)
+        motions = {(id(loop.reference), loop.reference_lag): loop for loop in loops}
+        noises = {loop.noise_source: loop for loop in loops}
+        self._motions = [loop.fed for loop in motions.values()]
+        self._noises = [loop.unit_noise() for loop in noises.values()]
+        motion, noise = ({name: k for k, name in enumerate(names)} for names in (motions, noises))
+        self._motion = np.array([motion[id(loop.reference), loop.reference_lag] for loop in loops])
+        self._noise = np.array([noise[loop.noise_source] for loop in loops])
+        self.names = ("desired", "noise") if any(loop.is_noisy for loop in loops) else ("desired",)
 
     def starts(self, first: int, span: int) -> NDArray[np.int64]:
         """Addresses of sample 0 by signal and experiment, (signals, M), of arrays that begin at `first`."""
@@ -302,9 +300,8 @@ class Signals:
             for k, part in enumerate((motion.q_d, motion.dq_d, motion.ddq_d)):
                 given = part[first : first + span]
                 kept[: len(given), k * self._n : (k + 1) * self._n] = given
-        silence = np.zeros((span, 3 * self._n))
         # Kept until the next slice: machine code reads them by their addresses.
-        self._arrays = motions, np.stack([*(noise(span) for noise in self._noises), silence])
+        self._arrays = motions, np.stack([noise(span) for noise in self._noises])
         both = zip(self._arrays, (self._motion, self._noise), strict=True)
         return np.stack([_starts(values, first)[places] for values, places in both])[: len(self.names)]
 

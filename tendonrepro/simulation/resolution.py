@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from functools import partial
-from typing import NamedTuple, TypeAlias
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from tendonrepro.arrays import Array, Numeric, choose, times
 from tendonrepro.physics.drive import to_winch_angle
 from tendonrepro.physics.dynamics import Plant, both_ways, holding_torque, rest_state, state_derivative
 from tendonrepro.physics.loads import no_disturbance
-from tendonrepro.simulation.codegen.lanes import mapped, part_of, stacked
+from tendonrepro.simulation.codegen.lanes import mapped, stacked
 from tendonrepro.simulation.loop import Loop, Rest, rest_at
 from tendonrepro.simulation.streaming import peak
 
@@ -40,9 +39,6 @@ PACES = (FLAT, TURNING, 0.0)
 
 HIGHEST = 2.0
 """Highest level of :func:`demand`."""
-
-CHUNK = 128
-"""Plants whose steps are worked out together, by one thread."""
 
 
 def demand(before: Array, after: Array, plant: Plant) -> Numeric:
@@ -149,16 +145,7 @@ class PreparedLoop(NamedTuple):
     steps: NDArray[np.int64]
 
 
-Chunk: TypeAlias = tuple[Plant, Array, Array]
-"""Stacked plants, the strokes of their motions, and sampling periods."""
-
-ForEach: TypeAlias = Callable[
-    [Callable[[Chunk], NDArray[np.int64]], Sequence[Chunk]], Iterable[NDArray[np.int64]]
-]
-"""What calls a function for each chunk, such as ``map``."""
-
-
-def prepared_loops(loops: Sequence[Loop], tolerance: float, for_each: ForEach = map) -> list[PreparedLoop]:
+def prepared_loops(loops: Sequence[Loop], tolerance: float) -> list[PreparedLoop]:
     """Loops in their order, with rest and steps."""
     # Runs under other readings share their plant and motion: these are worked out once.
     keys = [(id(loop.plant), id(loop.reference.q_d), loop.start_angles.tobytes(), loop.L) for loop in loops]
@@ -166,7 +153,7 @@ def prepared_loops(loops: Sequence[Loop], tolerance: float, for_each: ForEach = 
     far = {id(q_d): peak(q_d) for q_d in (loop.reference.q_d for loop in single.values())}
     # A disturbance shifts no mode, and is not there at rest.
     calm = no_disturbance(loops[0].plant.preload.size)
-    plant, stroke, q, L = stacked(
+    plants, stroke, q, L = stacked(
         [
             (
                 loop.plant._replace(disturbance=calm),
@@ -177,14 +164,7 @@ def prepared_loops(loops: Sequence[Loop], tolerance: float, for_each: ForEach = 
             for loop in single.values()
         ]
     )
-    chunks = [part_of((plant, stroke, L), slice(k, k + CHUNK)) for k in range(0, len(single), CHUNK)]
-    steps = np.hstack([*for_each(partial(_steps, tolerance=tolerance), chunks)])
-    rest = rest_at(q, plant)
-    ready = {key: (Rest(*(part[:, k] for part in rest)), steps[:, k]) for k, key in enumerate(single)}
+    steps = np.stack([steps_needed(modes, L, tolerance) for modes in plant_modes(plants, stroke)], axis=1)
+    state, tau, zero = (part.T for part in rest_at(q, plants))
+    ready = {key: (Rest(state[k], tau[k], zero[k]), steps[k]) for k, key in enumerate(single)}
     return [PreparedLoop(loop, *ready[key]) for key, loop in zip(keys, loops, strict=True)]
-
-
-def _steps(chunk: Chunk, *, tolerance: float) -> NDArray[np.int64]:
-    """Steps per sample of a chunk, (levels, N)."""
-    plants, stroke, L = chunk
-    return np.stack([steps_needed(cases, L, tolerance) for cases in plant_modes(plants, stroke)])

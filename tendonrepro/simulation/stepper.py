@@ -105,7 +105,8 @@ class MachinePlant:
 def _law_of_machine(loop: Loop, plant: MachinePlant, trace: Array) -> SetTorque:
     """The package's own law as machine code."""
     reference, n = loop.fed, loop.plant.preload.size
-    signals = np.hstack([reference.q_d, reference.dq_d, reference.ddq_d, _noise(loop)])
+    noise = loop.unit_noise()(len(trace))
+    signals = np.hstack([reference.q_d, reference.dq_d, reference.ddq_d, noise])
     # Desired motion and noise are neighbours.
     given, live, kept = (
         plant.lane("desired", 6 * n),
@@ -127,7 +128,8 @@ def _law_of_python(loop: Loop, plant: MachinePlant, trace: Array) -> SetTorque:
     """A user's own law."""
     law, command, motion = loop.controller.law, loop.controller.command, loop.fed
     assert command is not None
-    hardware, noise, tau = loop.hardware(plant.rest), _noise(loop), loop.torque_before(plant.rest)
+    hardware, tau = loop.hardware(plant.rest), loop.torque_before(plant.rest)
+    noise = loop.unit_noise()(len(trace))
     measured = measure(plant.rest.state, noise[0], law, hardware)
     memory, pending = start(measured, loop.reference.q_d[0], tau, law), [tau] * loop.actuator.delay
 
@@ -140,8 +142,3 @@ def _law_of_python(loop: Loop, plant: MachinePlant, trace: Array) -> SetTorque:
         return bool(now.bounded) and k + 1 < motion.time.size
 
     return set_torque
-
-
-def _noise(loop: Loop) -> Array:
-    samples, n = loop.reference.q_d.shape
-    return loop.unit_noise()(samples) if loop.is_noisy else np.zeros((samples, 3 * n))

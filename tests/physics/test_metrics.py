@@ -141,6 +141,9 @@ class TestStatus:
         e[900, 0] = 1.0
         assert self.judge(e) == ("diverged", self.time[700])
 
+    def test_a_lone_sample_cannot_ring(self) -> None:
+        assert self.judge(np.full((1, 1), 1e-3)) == ("ok", 0.0)
+
     def test_the_limit_itself_is_within_bounds(self) -> None:
         e = np.full((2000, 1), np.deg2rad(10.0))
         assert self.judge(e)[0] == "ok"

@@ -221,11 +221,6 @@ def stacked(records: Sequence[Kind]) -> Kind:
     return mapped(stack, *records)
 
 
-def part_of(record: Kind, chosen: slice) -> Kind:
-    """Some experiments of a stacked record."""
-    return mapped(lambda leaf: leaf[..., chosen] if isinstance(leaf, np.ndarray) else leaf, record)
-
-
 def bundled(values: Array, lanes: int = LANES) -> Array:
     """Columns (rows, M) as bundles (B, rows, lanes); lanes to spare repeat the last column."""
     filled = np.hstack([values, np.repeat(values[:, -1:], -values.shape[1] % lanes, axis=1)])
