@@ -25,7 +25,7 @@ from tendonrepro.results.store import read_manifest
 from tendonrepro.studies.parameters import MEASURED_FILE, Folder
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Site, Study
-from tendonrepro.verdicts import from_ensemble, ledger, measurement, planted, rules, sensitivity, words
+from tendonrepro.verdicts import from_ensemble, ledger, measurement, planted, rules, words
 from tendonrepro.verdicts.from_print import judge_print
 from tendonrepro.verdicts.ledger import ByChoice, Verdict
 from tendonrepro.verdicts.rules import Evidence, Ruling, Rulings, not_testable
@@ -204,10 +204,11 @@ def claims_study(
 
 def _with_influences(result: Result, data: EnsembleData) -> Result:
     """Add which unknowns decide, as a file and a figure."""
-    from tendonrepro.verdicts.figures import draw_influences
+    # Only who draws loads what draws.
+    from tendonrepro.verdicts import sensitivity
 
     influences = sensitivity.rankings(data)
-    drawings = {"decides": partial(draw_influences, influences, len(data))} if influences else {}
+    drawings = {"decides": partial(sensitivity.draw_influences, influences, len(data))} if influences else {}
     return replace(result, files={"decides.json": to_json(influences)}, drawings=drawings)
 
 

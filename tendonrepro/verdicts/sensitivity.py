@@ -1,4 +1,4 @@
-"""Which unknowns decide an outcome, by their sensitivity indices.
+"""Which unknowns decide an outcome, by their sensitivity indices; and their picture.
 
 An index is that of RBD-FAST: which share of an outcome's variance an unknown explains alone. Outcomes in the
 order of an unknown, up through every second one and down through the rest, are one period of a function of
@@ -9,7 +9,7 @@ Tissot and Prieur 2012, doi:10.1016/j.ress.2012.06.010.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import product
 from typing import TypeAlias
 
@@ -19,10 +19,12 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import FIRST, RUNS, SECOND
 from tendonrepro.configuration.models.readings import PRINTED, UNDER_READINGS
 from tendonrepro.configuration.published import METRICS, published
+from tendonrepro.console import count_of
 from tendonrepro.errors import DataMissingError
 from tendonrepro.files import Json
 from tendonrepro.monte_carlo.data import EnsembleData
 from tendonrepro.monte_carlo.shares import LEAST_PLANTS
+from tendonrepro.results.figures.style import PAGE_MM, Drawing, journal_style, open_figure
 from tendonrepro.verdicts.from_print import ErrorOf
 from tendonrepro.verdicts.rules import Mask
 from tendonrepro.verdicts.statements import Plants, claim_on, together
@@ -154,3 +156,35 @@ def _ranked(data: EnsembleData, kept: Mask, values: Array) -> Influences | None:
 
 def _largest_index(draws: Array, outcome: Array) -> float:
     return max((first_order_index(unknown, outcome) for unknown in draws.T), default=0.0)
+
+
+SHOWN = 12
+"""Unknowns in the picture."""
+
+_PARTS = {"table2": "Table 2", "table3": "Table 3", "mae": "MAE", "rmse": "RMSE"}
+"""Parts of an outcome's name as a reader knows them."""
+
+
+def draw_influences(rankings: Mapping[str, Influences], plants: int) -> Drawing:
+    """Draw the strongest unknowns' shares of each outcome's variance, over a number of plants."""
+    shares = {name: {row["name"]: row["index"] for row in parts["rows"]} for name, parts in rankings.items()}
+    unknowns = sorted(
+        next(iter(shares.values())), key=lambda name: -sum(parts[name] for parts in shares.values())
+    )[:SHOWN]
+    cells = np.array([[100.0 * parts[name] for parts in shares.values()] for name in unknowns])
+    with journal_style():
+        figure = open_figure(PAGE_MM, 48.0 + 5.0 * len(unknowns))
+        axes = figure.subplots()
+        axes.imshow(cells, cmap="Blues", vmin=0.0, vmax=60.0, aspect="auto")
+        for (row, column), value in np.ndenumerate(cells):
+            if value >= 1.0:
+                ink = "white" if value > 35.0 else "black"
+                axes.text(column, row, f"{value:.0f}", ha="center", va="center", fontsize=6, color=ink)
+        axes.set_yticks(np.arange(len(unknowns)), unknowns)
+        names = [
+            ", ".join(_PARTS.get(part, part.replace("_", " ")) for part in name.split(".")) for name in shares
+        ]
+        axes.set_xticks(np.arange(len(shares)), names, rotation=60.0, ha="right", rotation_mode="anchor")
+        axes.set_title("What decides each claim and number: share of the variance, %")
+    caption = "Share of the variance of an outcome that an unknown explains alone."
+    return Drawing("decides", figure, [axes], caption, f"Simulated, {count_of(plants, 'plant')} of the box")

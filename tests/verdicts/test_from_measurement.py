@@ -182,6 +182,9 @@ def test_the_printed_numbers_are_reproduced_with_all_percentages():
     assert set(numbers.values()) == {"reproduced"}
     assert {found[name].verdict for name in ("P1", "C2", "F1")} == {"reproduced"}
     assert found["C2"].evidence["window"] == "whole"
+    assert found["C2"].evidence["statistics"]["controller_1"]["mae_deg"] == pytest.approx(
+        [0.261, 0.219], abs=5e-4
+    )
     for factor in (0.9, 1.1):
         runs = {name: measured_trace(trace, e=factor * trace["e"]) for name, trace in file.runs.items()}
         assert verdict(replace(file, runs=runs), "table2.controller_1.mae.joint_2") == "not_reproduced"

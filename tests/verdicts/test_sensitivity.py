@@ -8,8 +8,7 @@ from support.made_claims import ESTIMATES, NAMES, MadeEnsemble, ranking_of
 from tendonrepro.configuration.models.readings import PRINTED, UNDER_READINGS
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts import sensitivity
-from tendonrepro.verdicts.figures import draw_influences
-from tendonrepro.verdicts.sensitivity import HARMONICS, first_order_index, half_width, ranked
+from tendonrepro.verdicts.sensitivity import HARMONICS, draw_influences, first_order_index, half_width, ranked
 
 
 def index(ranking, name):
