@@ -57,3 +57,9 @@ def test_moments_are_those_of_the_plants_that_are_simulated():
         assert plants.moment[1:, k] == pytest.approx(by_hand)
         first = 9.81 * (0.74 * 0.132 + (mass[1] + mass[2]) * 0.33)
         assert plants.moment[0, k] == pytest.approx(first), "link 1 is not in the box"
+
+
+def test_tendons_that_are_slack_while_tendon_4_moves_are_no_opposite():
+    """A pull of 100 kN on the last link alone leaves no posture without a slack tendon."""
+    courses = rule.tension(drawn(100, tensioner_force=1e5))[PRINTED].evidence["courses"]
+    assert [row["verdict"] for row in courses if row["course"] == "distal_only"] == ["not_met"]
