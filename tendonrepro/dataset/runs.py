@@ -38,8 +38,6 @@ _MOST_POINTS = 5000
 _FINEST = 0.02
 """Step of the grid on which curves are put, at most, s."""
 
-Rows: TypeAlias = NDArray[np.bool_]
-"""Which rows of a table."""
 Curves: TypeAlias = dict[Use, tuple[Array, Array]]
 """Times, s, and values, SI, of each signal."""
 
@@ -151,58 +149,53 @@ def _of_table(table: Columns, uses: dict[str, Use], run: RunMapping, notes: list
     """Signals of one table."""
     series: Curves = {}
     for clock, together in by_clock(table, uses).items():
+        if clock is not None:
+            time = uses[clock].in_si(table[clock])
+            notes += [f"times are made from step_s, not from {clock!r}"] if run.step_s is not None else []
+        elif run.step_s is not None:
+            time = np.arange(float(len(table[together[0]])))
+        else:
+            hint = "give its column of times the line 'NAME: time s', or the run 'step_s: 0.001'"
+            raise ConfigError(f"{table.name} has no times", hint=hint)
         for filled, columns in by_rows(table, together):
-            rows, time = _rows_and_times(table, filled, clock, uses, run, notes)
+            rows, kept = _taken(table, filled, time, run, notes)
             for column in columns:
                 values = uses[column].in_si(table[column][rows])
-                series[uses[column]] = in_order(time, values) if run.reading_error_deg else (time, values)
+                series[uses[column]] = in_order(kept, values) if run.reading_error_deg else (kept, values)
                 if absent := int((~np.isfinite(values)).sum()):
                     notes.append(f"{column}: {absent} of {len(values)} samples missing")
     return series
 
 
-def _rows_and_times(
-    table: Columns,
-    filled: Rows,
-    clock: str | None,
-    uses: Mapping[str, Use],
-    run: RunMapping,
-    notes: list[str],
+def _taken(
+    table: Columns, filled: NDArray[np.bool_], time: Array, run: RunMapping, notes: list[str]
 ) -> tuple[NDArray[np.int64], Array]:
     """Those of the `filled` rows that a run takes, and their times, s.
 
-    A ConfigError says that there are no times, that they go back or repeat, or that fewer than two are left.
+    A ConfigError says that times go back or repeat, or that fewer than two are left.
     """
-    if clock is None and run.step_s is None:
-        hint = "give its column of times the line 'NAME: time s', or the run 'step_s: 0.001'"
-        raise ConfigError(f"{table.name} has no times", hint=hint)
     chosen = filled.copy()
     for column, wanted in run.where.items():
         if column not in table:
             raise ConfigError(f"{table.name} has no column {column!r}")
         chosen &= table[column] == wanted
-    rows = np.flatnonzero(chosen)
-    left_out = {"not those of `where`": int(filled.sum()) - len(rows)}
-    time = np.arange(float(len(rows))) if clock is None else uses[clock].in_si(table[clock][rows])
-    known = np.isfinite(time)
-    left_out["without a time"] = int((~known).sum())
-    rows, time = rows[known], time[known]
+    left_out = {"not those of `where`": int(filled.sum() - chosen.sum())}
+    known = chosen & np.isfinite(time)
+    left_out["without a time"] = int(chosen.sum() - known.sum())
+    rows = np.flatnonzero(known)
     if run.part is not None:
-        stretches = np.split(np.arange(len(time)), starts_again(time))
-        if run.part > len(stretches):
-            message = f"the time of {table.name} starts again {len(stretches) - 1} times: no part {run.part}"
-            raise ConfigError(message, hint=f"parts are counted from 1 to {len(stretches)}")
-        stretch = stretches[run.part - 1]
-        left_out[f"not of part {run.part}"] = len(time) - len(stretch)
-        rows, time = rows[stretch], time[stretch]
-    if run.step_s is not None:
-        time = run.step_s * np.arange(float(len(time)))
-        notes += [f"times are made from step_s, not from {clock!r}"] if clock is not None else []
-    inside = (time >= run.from_s) & (time <= run.to_s)
+        parts = np.split(rows, starts_again(time[rows]))
+        if run.part > len(parts):
+            message = f"the time of {table.name} starts again {len(parts) - 1} times: no part {run.part}"
+            raise ConfigError(message, hint=f"parts are counted from 1 to {len(parts)}")
+        left_out[f"not of part {run.part}"] = len(rows) - len(parts[run.part - 1])
+        rows = parts[run.part - 1]
+    kept = time[rows] if run.step_s is None else run.step_s * np.arange(float(len(rows)))
+    inside = (kept >= run.from_s) & (kept <= run.to_s)
     left_out["not from from_s to to_s"] = int((~inside).sum())
     notes += [f"{count} of {filled.sum()} rows left out: {why}" for why, count in left_out.items() if count]
-    notes += _checked(time[inside], table.name, run)
-    return rows[inside], time[inside]
+    notes += _checked(kept[inside], table.name, run)
+    return rows[inside], kept[inside]
 
 
 def _checked(time: Array, table: str, run: RunMapping) -> list[str]:
@@ -340,13 +333,13 @@ def by_clock(table: Columns, uses: Mapping[str, Use]) -> dict[str | None, list[s
     return columns_of
 
 
-def by_rows(table: Columns, columns: Sequence[str]) -> list[tuple[Rows, list[str]]]:
+def by_rows(table: Columns, columns: Sequence[str]) -> list[tuple[NDArray[np.bool_], list[str]]]:
     """Columns of one clock by the rows that hold them: all of them together, or some where others have gaps.
 
     A union of logs has a row for each time of each.
     """
     every = np.ones(len(next(iter(table.values()))), dtype=bool)
-    groups: list[tuple[Rows, list[str]]] = []
+    groups: list[tuple[NDArray[np.bool_], list[str]]] = []
     for column in columns:
         values = table[column]
         rows = np.isfinite(values) if values.dtype.kind == "f" else every
@@ -358,7 +351,7 @@ def by_rows(table: Columns, columns: Sequence[str]) -> list[tuple[Rows, list[str
     return groups if len(groups) > 1 else [(every, list(columns))]
 
 
-def _alternate(rows: Rows, others: Rows) -> bool:
+def _alternate(rows: NDArray[np.bool_], others: NDArray[np.bool_]) -> bool:
     """Whether rows lie among others, but are seldom the same."""
     least = min(rows.sum(), others.sum())
     if not least or 2 * (rows & others).sum() >= least:

@@ -349,9 +349,10 @@ def test_a_sheet_of_errors_for_each_joint(tmp_path):
 
 
 def test_a_time_that_starts_again_begins_a_run(tmp_path):
-    found, _, _ = ingested(tmp_path, ".csv", HEADS + lines() * 3)
+    rows = [np.column_stack([T, DESIRED[2], DESIRED[2] - k * ERROR[2]]) for k in (1, 2, 3)]
+    found, _, _ = ingested(tmp_path, ".csv", ",".join(NAMES[:3]) + "\n" + lines(np.concatenate(rows)))
     assert [run["samples"] for run in found["runs"].values()] == [400] * 3
-    assert all(mae(found, run) == MAE for run in found["runs"])
+    assert all(mae(found, f"controller_1_{k}") == [k * MAE[0]] for k in (1, 2, 3))
 
 
 def test_of_times_side_by_side_the_first_count_and_the_others_are_asked(tmp_path):
