@@ -10,7 +10,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from concurrent.futures import Executor, as_completed
+from concurrent.futures import Executor, Future, as_completed
 from contextlib import ExitStack, contextmanager, suppress
 from queue import Empty, Queue
 from typing import Protocol, TypeVar
@@ -46,58 +46,41 @@ def processors() -> int:
 
 
 @contextmanager
-def workers(most: int = MOST_WORKERS) -> Iterator[Start]:
-    """Keep processes for a block of work, `most` of them, while there are processors and pieces of work.
+def workers() -> Iterator[Start]:
+    """Let other processes work for a block, as many as there are processors and pieces of work.
 
-    Nothing is started before there is work.
+    Nothing is started before there is work, and processes end with it: beside them no copies of this one
+    can be made.
 
     Yields
     ------
     callable
-        Begins to apply a function to items, and yields the results in order. Where there is one process,
-        this one, it works when a result is asked for.
+        Begins to apply a function to items, and yields the results in order. Where there is one processor,
+        this process works when a result is asked for.
 
     Raises
     ------
     TendonreproError
         If a worker process dies.
     """
-    anew: list[Executor] = []
     with ExitStack() as stack:
 
         def start(function: Callable[[Item], Done], items: Sequence[Item]) -> Iterable[Done]:
-            jobs = min(most, processors())
-            if jobs < 2:
+            jobs = min(MOST_WORKERS if _can_fork() else MOST_STARTED, processors())
+            if jobs < 2 or not items:
                 return map(function, items)
-            if not anew and _can_fork():
-                return _forked(stack, jobs, function, items)
-            if not anew:
-                anew.append(stack.enter_context(_processes(min(jobs, MOST_STARTED))))
-            return _submitted(anew[0], function, items)
+            pool = stack.enter_context(ExitStack())
+            executor = pool.enter_context(_processes(min(jobs, len(items))))
+            return _results(pool, [executor.submit(function, item) for item in items])
 
         yield start
 
 
-def _forked(
-    stack: ExitStack, jobs: int, function: Callable[[Item], Done], items: Sequence[Item]
-) -> Iterator[Done]:
-    """Begin work in copies of this process, which have imported what it has; they end with the work."""
-    if not items:
-        return iter(())
-    copies = stack.enter_context(ExitStack())
-    executor = copies.enter_context(_processes(min(jobs, len(items))))
-    begun = _submitted(executor, function, items)
-
-    def results() -> Iterator[Done]:
-        with copies:
-            yield from begun
-
-    return results()
-
-
-def _submitted(executor: Executor, function: Callable[[Item], Done], items: Sequence[Item]) -> Iterator[Done]:
-    begun = [executor.submit(function, item) for item in items]
-    return (future.result() for future in begun)
+def _results(pool: ExitStack, begun: Sequence[Future[Done]]) -> Iterator[Done]:
+    """Yield results in order; then processes end."""
+    with pool:
+        for future in begun:
+            yield future.result()
 
 
 def _can_fork() -> bool:
