@@ -16,6 +16,7 @@ from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.configuration.published import (
     COMPARED,
     SIGN,
+    Interval,
     PrintedDose,
     PrintedNumber,
     PrintedQuotient,
@@ -28,7 +29,7 @@ from tendonrepro.configuration.published import (
 from tendonrepro.physics.control import polynomial
 from tendonrepro.physics.drive import coupling_inverse, coupling_matrix
 from tendonrepro.results.summary import LOADS
-from tendonrepro.verdicts.rules import Bounds, Evidence, Ruling, Rulings, meets, of_arithmetic, of_model
+from tendonrepro.verdicts.rules import Evidence, Ruling, Rulings, meets, of_arithmetic, of_model
 
 NUMBERS = ("value", "shape", "joints", "dose", "ratio", "increase")
 """Rules of numbers that follow from these errors, or are one of them."""
@@ -117,14 +118,14 @@ def lengths(paper: Published, identifier: str) -> Ruling:
     else:
         i, n = tuple(identifier.removeprefix("table1.D_").partition("_")[0])
         other = f"S_inv.{n}{i}"
-    return _against(paper, identifier, rounding(paper.quantity(other)), paper.number(other), other)
+    return _against(paper, identifier, rounding(paper.quantity(other)), other)
 
 
 def inverse(paper: Published, identifier: str) -> Ruling:
     """An entry of S against the inverse of S_inv."""
     n, i = (int(digit) - 1 for digit in identifier.removeprefix("S."))
     ours = abs(inverse_of(printed_inverse(paper))[n][i])
-    return _against(paper, identifier, (ours, ours), float(ours), "S_inv")
+    return _against(paper, identifier, (ours, ours), "S_inv")
 
 
 def printed_inverse(paper: Published) -> list[list[Fraction]]:
@@ -178,18 +179,19 @@ def _percentage(paper: Published, identifier: str) -> Evidence:
 def same_as(paper: Published, identifier: str) -> Ruling:
     """Table 3 without load against Table 2's Controller 1."""
     other = error_of(identifier).id
-    return _against(paper, identifier, rounding(paper.quantity(other)), paper.number(other), other)
+    return _against(paper, identifier, rounding(paper.quantity(other)), other)
 
 
 def resolution(paper: Published, identifier: str) -> Ruling:
     """Encoder resolution against 360° over four counts a pulse."""
     ours = 90 / exact(paper.quantity("hardware.encoder_pulses"))
-    return _against(paper, identifier, (ours, ours), float(ours), "hardware.encoder_pulses")
+    return _against(paper, identifier, (ours, ours), "hardware.encoder_pulses")
 
 
-def _against(paper: Published, identifier: str, allowed: Bounds, ours: float, origin: str) -> Ruling:
+def _against(paper: Published, identifier: str, allowed: Interval, origin: str) -> Ruling:
+    """Judge an entry by the interval that follows from another one; ours is its middle."""
     consistent = meets(allowed, rounding(paper.quantity(identifier)))
-    return of_arithmetic(consistent, ours, {"from": [origin]})
+    return of_arithmetic(consistent, float(sum(allowed) / 2), {"from": [origin]})
 
 
 TURNS: Mapping[str, Callable[[float], bool]] = {

@@ -129,12 +129,10 @@ def print_of(paper: Published, joints: Sequence[int], errors: Array) -> Publishe
     printed = paper.with_numbers(sizes)
     if not all(map(printed.number, sizes)):
         return None
-    percentages = {}
-    for name in paper.entries:
-        if name.startswith(PERCENTAGES):
-            formula = formula_of(paper, name)
-            percentages[name] = formula.value(*map(printed.number, formula.names))
-    return printed.with_numbers(percentages)
+    formulas = {name: formula_of(paper, name) for name in paper.entries if name.startswith(PERCENTAGES)}
+    return printed.with_numbers(
+        {name: formula.value(*map(printed.number, formula.names)) for name, formula in formulas.items()}
+    )
 
 
 def false_contradicted(table: PlantTable, paper: Published, names: Sequence[str]) -> dict[str, Share]:
