@@ -27,7 +27,7 @@ from tendonrepro.configuration.quantity import Value
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments import rig
 from tendonrepro.experiments.user_law import UserLaw, lane_function, own_loops
-from tendonrepro.physics import control, dynamics, instruments, linear_loop, metrics, trajectory
+from tendonrepro.physics import control, drive, dynamics, linear_loop, metrics, trajectory
 from tendonrepro.results.records import RESERVED
 from tendonrepro.simulation.loop import DesiredMotion, Loop, PositionController, Solver, TimeDelayController
 
@@ -331,7 +331,7 @@ def reference_lag(config: CompareConfig) -> float:
 def _loop(
     config: Config,
     plant: dynamics.Plant,
-    actuator: instruments.Actuator,
+    actuator: drive.Actuator,
     controller: TimeDelayController | PositionController,
     reference: DesiredMotion,
 ) -> Loop:

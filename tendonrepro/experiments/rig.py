@@ -15,9 +15,16 @@ from tendonrepro.configuration.load import Config
 from tendonrepro.configuration.models.manipulator import DryFriction, EncoderConfig
 from tendonrepro.configuration.quantity import UNITS, Matrix, Physical, Scalar, Vector
 from tendonrepro.configuration.strict_model import Model
-from tendonrepro.physics import instruments, loads, statics
+from tendonrepro.physics import loads, statics
 from tendonrepro.physics.arm import Arm, make_arm
-from tendonrepro.physics.drive import Drive, coupling_inverse, coupling_matrix, to_joint_matrix
+from tendonrepro.physics.drive import (
+    Actuator,
+    Drive,
+    Encoder,
+    coupling_inverse,
+    coupling_matrix,
+    to_joint_matrix,
+)
 from tendonrepro.physics.dynamics import Plant
 from tendonrepro.physics.loads import Friction
 from tendonrepro.results.records import PlantRecord, PlantValue
@@ -115,15 +122,15 @@ def build_plant(config: Config, payload_mass: float, friction_scale: float = 1.0
     )
 
 
-def build_encoder(encoder: EncoderConfig) -> instruments.Encoder:
+def build_encoder(encoder: EncoderConfig) -> Encoder:
     """Encoder of motors or joints."""
-    return instruments.Encoder(resolution=encoder.resolution.si, noise=encoder.noise.si)
+    return Encoder(resolution=encoder.resolution.si, noise=encoder.noise.si)
 
 
-def build_actuator(config: Config) -> instruments.Actuator:
+def build_actuator(config: Config) -> Actuator:
     """Motors' limits."""
     actuator = config.manipulator.actuator
-    return instruments.Actuator(
+    return Actuator(
         limit=actuator.torque_limit.si[-len(config.joints) :],
         resolution=actuator.torque_resolution.si,
         noise=actuator.torque_noise.si,

@@ -2,12 +2,12 @@
 
 A tendon passes the joints before its own over guide pulleys, so their motion winds it. In winch coordinates,
 ``q_motor = S_inv theta``, everything is diagonal. In joint coordinates the same sums are the paper's ``I``,
-``D_m``, ``K_s``, ``D_s``.
+``D_m``, ``K_s``, ``D_s``. Last stands what is between law and plant: encoders, and the motors' limits.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -206,3 +206,63 @@ def theta_at_rest(q: Array, tau_s: Array, drive: Drive) -> Array:
         if np.array_equal(before, winch):
             break
     return times(drive.S, winch)
+
+
+class Encoder(NamedTuple):
+    """One encoder type.
+
+    Attributes
+    ----------
+    resolution
+        Of one count, rad; 0 is ideal.
+    noise
+        RMS before counting, rad.
+    """
+
+    resolution: float
+    noise: float
+
+
+def quantise(value: Any, step: Any) -> Any:
+    """Round to whole steps, halves upwards; a step of exactly 0 changes nothing.
+
+    On lanes each experiment has its own step.
+    """
+    if isinstance(step, float) and step == 0.0:
+        return value
+    counted = step * np.floor(value / step + 0.5)
+    return counted if isinstance(step, float) else choose(step > 0.0, counted, value)
+
+
+class Actuator(NamedTuple):
+    """Limits of motors and drives, all at the winch.
+
+    Attributes
+    ----------
+    limit : array (n,)
+        N m.
+    resolution
+        Step of the drive's input, N m; 0 is none.
+    noise
+        RMS noise of its output, N m.
+    delay
+        Whole samples between command and output.
+    """
+
+    limit: Array
+    resolution: float
+    noise: float
+    delay: int
+
+
+def applied_torque(command: Array, actuator: Actuator, S: Array, S_inv: Array) -> Array:
+    """Torque (n,) after the drive's resolution and the motors' saturation, N m in joint coordinates.
+
+    An actuator that changes nothing returns the command to the last bit.
+    """
+    winch = times(S.T, command)
+    change = np.empty_like(command)
+    for i in range(command.shape[0]):
+        output = quantise(winch[i], actuator.resolution)
+        change[i] = np.minimum(np.maximum(output, -actuator.limit[i]), actuator.limit[i]) - winch[i]
+    return command + times(S_inv.T, change)

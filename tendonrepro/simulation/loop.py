@@ -11,9 +11,15 @@ import numpy as np
 from tendonrepro.arrays import Array, Numeric, choose, pick, times
 from tendonrepro.physics import control
 from tendonrepro.physics.control import Law, Memory, Servo, ServoMemory, servo_torque, start_memory
-from tendonrepro.physics.drive import tendon_torque, to_joint_torque
+from tendonrepro.physics.drive import (
+    Actuator,
+    Encoder,
+    applied_torque,
+    quantise,
+    tendon_torque,
+    to_joint_torque,
+)
 from tendonrepro.physics.dynamics import Plant, holding_torque, link_acceleration, rest_state
-from tendonrepro.physics.instruments import Actuator, Encoder, applied_torque, quantise
 from tendonrepro.physics.trajectory import late
 
 LINES_PER_RINGING = 32

@@ -19,9 +19,8 @@ from tendonrepro.physics.control import (
     start_memory,
     surface_and_feedback,
 )
-from tendonrepro.physics.drive import Drive
+from tendonrepro.physics.drive import Actuator, Drive, Encoder
 from tendonrepro.physics.dynamics import Plant, frictionless, holding_torque, rest_state
-from tendonrepro.physics.instruments import Actuator, Encoder
 from tendonrepro.physics.linear_loop import (
     decay_rate,
     feedback_gains,

@@ -15,8 +15,8 @@ from tendonrepro.errors import UsageError
 from tendonrepro.experiments.user_law import UserLaw
 from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.physics.control import error_rate, start_memory
+from tendonrepro.physics.drive import Encoder
 from tendonrepro.physics.dynamics import frictionless, load_at_rest
-from tendonrepro.physics.instruments import Encoder
 from tendonrepro.simulation.loop import TimeDelayController
 from tendonrepro.simulation.stepper import simulate
 from tendonrepro.tuning.bench import (
