@@ -22,8 +22,8 @@ from tendonrepro.results.tables import Table
 
 SITE = "https://zenodo.org"
 VARIABLE = "TENDONREPRO_ZENODO_URL"
-AGENT = f"tendonrepro/{__version__} (+https://doi.org/10.3390/act15050271)"
-BY_HAND = "or download the files in a browser: inspect and ingest read any folder"
+_AGENT = f"tendonrepro/{__version__} (+https://doi.org/10.3390/act15050271)"
+_BY_HAND = "or download the files in a browser: inspect and ingest read any folder"
 
 
 _TIMEOUT = 15.0, 60.0
@@ -59,7 +59,7 @@ def run_fetch(record: str, out: Path, base_url: str | None, force: bool, dry_run
         lock = _described(base_url or os.environ.get(VARIABLE) or SITE, number)
     if wrong := [file["key"] for file in lock["files"] if not _is_plain(file["key"])]:
         message = f"the record names {', '.join(map(ascii, wrong))}, which is no place for a file"
-        raise DataMissingError(message, where=str(out), hint=f"tell its authors, {BY_HAND}")
+        raise DataMissingError(message, where=str(out), hint=f"tell its authors, {_BY_HAND}")
     wanted = [file for file in lock["files"] if not _is_same(out / file["key"], file)]
     for path in (out / file["key"] for file in wanted):
         if path.exists() and not force:
@@ -117,7 +117,7 @@ def _described(site: str, number: str) -> Json:
                 for file in data.get("files") or ()
             ]
         except (ValueError, KeyError, TypeError) as error:
-            hint = f"a proxy or a login page may be in the way: look at {url}, {BY_HAND}"
+            hint = f"a proxy or a login page may be in the way: look at {url}, {_BY_HAND}"
             raise DataMissingError("the answer is no record", where=url, hint=hint) from error
     if not listed:
         raise DataMissingError(f"record {number} shows no files", where=url, hint="ask its authors")
@@ -138,7 +138,7 @@ def _described(site: str, number: str) -> Json:
 def _session() -> Session:
     """A session that asks a busy site again, no sooner than it says."""
     session = Session()
-    session.headers.update({"User-Agent": AGENT, "Accept-Encoding": "identity"})
+    session.headers.update({"User-Agent": _AGENT, "Accept-Encoding": "identity"})
     busy = (429, 500, 502, 503, 504)
     retry = Retry(5, connect=1, status_forcelist=busy, backoff_factor=0.5, raise_on_status=False)
     for scheme in ("http://", "https://"):
@@ -152,14 +152,14 @@ def _asked(session: Session, url: str, start: int = 0) -> Response:
     try:
         response = session.get(url, headers=headers, timeout=_TIMEOUT, stream=True)
     except (RequestException, ValueError) as error:
-        hint = f"look at the network and at HTTPS_PROXY, {BY_HAND}"
+        hint = f"look at the network and at HTTPS_PROXY, {_BY_HAND}"
         raise DataMissingError("cannot be reached", where=urlsplit(url).netloc, hint=hint) from error
     is_page = "text/html" in response.headers.get("Content-Type", "")
     if response.ok and not is_page:
         return response
     response.close()
     said = "with a web page" if response.ok else f"{response.status_code} {response.reason}"
-    hint = f"check the number and --base-url, try again later, {BY_HAND}"
+    hint = f"check the number and --base-url, try again later, {_BY_HAND}"
     raise DataMissingError(f"the site answers {said}", where=url, hint=hint)
 
 
@@ -179,7 +179,7 @@ def _obtain(wanted: list[Json], out: Path, lock: Json, talk: Talk) -> None:
             if not _is_same(part, file):
                 part.unlink()
                 message = f"there is no {file['key']} of the size and MD5 that the record says"
-                raise DataMissingError(message, where=url, hint=f"try again, {BY_HAND}")
+                raise DataMissingError(message, where=url, hint=f"try again, {_BY_HAND}")
             part.replace(target)
 
 
@@ -199,4 +199,4 @@ def _download(session: Session, url: str, size: int, part: Path, advance: Callab
                 advance(stream.write(chunk))
     if (start := part.stat().st_size) < size:
         message = f"the connection ended again and again, {start} of {size} bytes are here"
-        raise DataMissingError(message, where=url, hint=f"run the command again: it goes on, {BY_HAND}")
+        raise DataMissingError(message, where=url, hint=f"run the command again: it goes on, {_BY_HAND}")

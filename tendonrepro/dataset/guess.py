@@ -338,7 +338,7 @@ def _runs_named(name: str, telling: Sequence[words.Meaning]) -> dict[str, float 
     return {re.sub(r"\W+", "_", name).strip("_") or "run": payload}
 
 
-Lines: TypeAlias = dict[str, Guess]
+_Lines: TypeAlias = dict[str, Guess]
 """Columns by their names in a mapping."""
 
 
@@ -352,7 +352,7 @@ class Suggestion:
 
 
 @dataclass
-class RunGuess:
+class _RunGuess:
     """A run that is suggested.
 
     `columns` are its guesses, or columns that a person has to fill in, since there are no others; `extras`,
@@ -386,11 +386,11 @@ def guess_mapping(tables: Sequence[Columns], title: str) -> Suggestion:
     tables = [table for table in tables if not names & {f"{table.name}{mark}{BY_JOINT}" for mark in ":."}]
     deciding = _with_loads_inside(tables)
     guesses = [guess for table in tables for guess in _guesses_of(table, deciding)]
-    runs: dict[str, RunGuess] = {}
+    runs: dict[str, _RunGuess] = {}
     left: list[str] = []
     for guess in sorted(guesses, key=lambda guess: bool(guess.asked)):
         for name, payload in guess.runs.items():
-            run = runs.setdefault(name, RunGuess(name))
+            run = runs.setdefault(name, _RunGuess(name))
             if payload and math.isfinite(payload) and payload != published().number("hardware.payload"):
                 run.extras.setdefault("payload_mass_kg", f"{payload:g}")
             if why := _left_out(run, guess):
@@ -405,7 +405,7 @@ def guess_mapping(tables: Sequence[Columns], title: str) -> Suggestion:
     return Suggestion(text, {part.name: part.signals for part in parts}, left)
 
 
-def _left_out(run: RunGuess, guess: Guess) -> str:
+def _left_out(run: _RunGuess, guess: Guess) -> str:
     """Why a run does without a column, or an empty text."""
     if guess.asked:
         return guess.asked if run.signals else ""
@@ -421,14 +421,14 @@ def _left_out(run: RunGuess, guess: Guess) -> str:
     return f"taken from {twin.column}"
 
 
-def _with_desired(runs: Mapping[str, RunGuess]) -> list[RunGuess]:
+def _with_desired(runs: Mapping[str, _RunGuess]) -> list[_RunGuess]:
     """Runs, where desired angles that lie apart and name no controller are given to controllers without."""
     variables = {name: {guess.use.variable for guess in run.known} for name, run in runs.items()}
     named = [name for name in runs if name.startswith("controller_")]
     apart = [run for name, run in runs.items() if name not in named and variables[name] == {"time", "q_d"}]
     lacking = [runs[name] for name in named if "q_d" not in variables[name]]
     if not named and len(apart) > 1:
-        lacking = [RunGuess("desired")]
+        lacking = [_RunGuess("desired")]
     columns = [guess for run in apart for guess in run.columns]
     signals = [guess.use.signal for guess in columns if guess.use.joint]
     if not apart or not lacking or len({*signals}) < len(signals):
@@ -439,7 +439,7 @@ def _with_desired(runs: Mapping[str, RunGuess]) -> list[RunGuess]:
     return lacking + [run for run in runs.values() if run not in lacking + apart]
 
 
-def _parts(run: RunGuess) -> Iterator[RunGuess]:
+def _parts(run: _RunGuess) -> Iterator[_RunGuess]:
     """Runs below each other in one table, where its time starts again; else the run, and what it needs."""
     errors: dict[str, float] = {}
     for table in run.tables:
@@ -476,10 +476,10 @@ def _parts(run: RunGuess) -> Iterator[RunGuess]:
     yield run
 
 
-def _written(runs: Sequence[RunGuess], left: Sequence[str], title: str) -> Iterator[str]:
+def _written(runs: Sequence[_RunGuess], left: Sequence[str], title: str) -> Iterator[str]:
     """Lines of a mapping; those of `left` are comments."""
-    shared: Lines = {}
-    sharing: list[RunGuess] = []
+    shared: _Lines = {}
+    sharing: list[_RunGuess] = []
     for run in runs:
         # What is shared is taken from every table that holds it.
         together = _lines_of(run) | shared
@@ -510,9 +510,9 @@ def _written(runs: Sequence[RunGuess], left: Sequence[str], title: str) -> Itera
         yield from (f"#   {line}" for line in left)
 
 
-def _lines_of(run: RunGuess) -> Lines:
+def _lines_of(run: _RunGuess) -> _Lines:
     """Columns of a run, with the table where two share a column's name."""
-    lines: Lines = {}
+    lines: _Lines = {}
     for guess in run.columns:
         others = (other for other in run.known if other.column == guess.column)
         is_shared = not guess.asked and any(other.use != guess.use for other in others)
@@ -520,13 +520,13 @@ def _lines_of(run: RunGuess) -> Lines:
     return lines
 
 
-def _taken(lines: Lines, run: RunGuess) -> dict[str, str]:
+def _taken(lines: _Lines, run: _RunGuess) -> dict[str, str]:
     """What a run would take by lines, from any of its tables."""
     names = {name for table in run.tables for name in table.named(lines)}
     return {name: str(guess.use) for name, guess in lines.items() if name in names}
 
 
-def _checks_of_name(run: RunGuess) -> Iterator[str]:
+def _checks_of_name(run: _RunGuess) -> Iterator[str]:
     if not re.fullmatch(r"controller_[123](_payload)?|decouple", run.name):
         yield "no controller named; if it is one, write controller_1, _2 or _3 before the colon"
         return
@@ -535,7 +535,7 @@ def _checks_of_name(run: RunGuess) -> Iterator[str]:
         yield f"not known: {', '.join(unknown)}; taken as {run.name}, else rename it"
 
 
-def _column_lines(columns: Lines, indent: str) -> Iterator[str]:
+def _column_lines(columns: _Lines, indent: str) -> Iterator[str]:
     for name, guess in columns.items():
         check = f"  {CHECK} {'; '.join(guess.checks)}" if guess.checks else ""
         mark = f"  # FILL IN, or delete: {guess.asked}" if guess.asked else check

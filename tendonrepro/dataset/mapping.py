@@ -108,11 +108,11 @@ def _use(text: object) -> Use:
     return Use(variable, joint, unit, float(match["factor"] or 1.0), offset)
 
 
-Uses: TypeAlias = dict[str, Annotated[Use, BeforeValidator(_use)]]
-Number: TypeAlias = Annotated[float, Field(strict=True)]
-Size: TypeAlias = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=False)]
+_Uses: TypeAlias = dict[str, Annotated[Use, BeforeValidator(_use)]]
+_Number: TypeAlias = Annotated[float, Field(strict=True)]
+_Size: TypeAlias = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=False)]
 """A number that has no sign."""
-Step: TypeAlias = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
+_Step: TypeAlias = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
 
 
 def _reading_error(given: object) -> object:
@@ -125,7 +125,7 @@ def _reading_error(given: object) -> object:
     return given
 
 
-ReadingError: TypeAlias = Annotated[float | dict[str, float], BeforeValidator(_reading_error)]
+_ReadingError: TypeAlias = Annotated[float | dict[str, float], BeforeValidator(_reading_error)]
 
 
 class RunMapping(Model):
@@ -138,15 +138,15 @@ class RunMapping(Model):
     """
 
     sources: Annotated[list[str], Field(min_length=1)]
-    columns: Uses | None = None
+    columns: _Uses | None = None
     where: dict[str, object] = Field(default_factory=dict)
-    payload_mass_kg: Size | None = None
-    period_s: Size | None = None
-    from_s: Number = -float("inf")
-    to_s: Number = float("inf")
-    step_s: Step | None = None
+    payload_mass_kg: _Size | None = None
+    period_s: _Size | None = None
+    from_s: _Number = -float("inf")
+    to_s: _Number = float("inf")
+    step_s: _Step | None = None
     part: Annotated[int, Field(ge=1)] | None = None
-    reading_error_deg: ReadingError | None = None
+    reading_error_deg: _ReadingError | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -165,7 +165,7 @@ class RunMapping(Model):
 class _Tree(Model):
     schema_version: int = SCHEMA_VERSION
     title: str = "Measured data"
-    columns: Uses = Field(default_factory=dict)
+    columns: _Uses = Field(default_factory=dict)
     runs: Annotated[dict[Annotated[str, Field(pattern=r"^\w+$")], RunMapping], Field(min_length=1)]
 
 

@@ -18,9 +18,9 @@ from tendonrepro.physics.trajectory import sampled
 from tendonrepro.results.records import Trace, TraceFile, median_step
 from tendonrepro.results.summary import CONTROLLERS
 
-HALF_COUNT = float(np.deg2rad(0.011))
+_HALF_COUNT = float(np.deg2rad(0.011))
 """Half of the encoder's printed resolution, rad."""
-SPACINGS = (1.0, 0.7, 0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002)
+_SPACINGS = (1.0, 0.7, 0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002)
 """Spacings of knots that are tried, widest first, s."""
 
 _STILL = 0.05
@@ -64,7 +64,7 @@ class RecordedMotion:
 
     def moving(self) -> tuple[int, int]:
         """First and last sample in motion."""
-        tolerance = max(1.5 * self.rounding, noise_peak(self), _ONSET * float(np.ptp(self.q, axis=0).max()))
+        tolerance = max(1.5 * self.rounding, _noise_peak(self), _ONSET * float(np.ptp(self.q, axis=0).max()))
         left = np.flatnonzero((np.abs(self.q - self.q[0]) > tolerance).any(axis=1))
         ahead = np.flatnonzero((np.abs(self.q - self.q[-1]) > tolerance).any(axis=1))
         if not left.size:
@@ -172,7 +172,7 @@ def noise(record: RecordedMotion) -> float:
     return deviation if deviation > 0.6 * record.rounding else 0.0
 
 
-def noise_peak(record: RecordedMotion) -> float:
+def _noise_peak(record: RecordedMotion) -> float:
     """Largest deviation by noise among all samples, rad."""
     return float(noise(record) * (1.0 + np.sqrt(2.0 * np.log(record.q.size))))
 
@@ -224,7 +224,7 @@ def onset(record: RecordedMotion) -> float:
     """
     size = np.abs(record.q).max(axis=0)
     q = np.abs(record.q[:, int(np.argmax(size))])
-    level = max(_ONSET * float(size.max()), 3.0 * record.rounding, noise_peak(record))
+    level = max(_ONSET * float(size.max()), 3.0 * record.rounding, _noise_peak(record))
     candidates: list[tuple[float, float]] = []
     for power in (2, 3):
         passes = [_passes(record.time, q, level * factor) for factor in (1.0, 2.0**power, 4.0**power)]
@@ -335,7 +335,7 @@ def _misfit(x: Array, lag: int, every: int) -> float:
     return min(misfits, default=np.inf)
 
 
-def smoothed(record: RecordedMotion, least: float = 0.1 * HALF_COUNT) -> tuple[Callable[..., Array], float]:
+def smoothed(record: RecordedMotion, least: float = 0.1 * _HALF_COUNT) -> tuple[Callable[..., Array], float]:
     """Quintic least-squares spline through a motion, and the spacing of its knots, s.
 
     That has the smallest Bayesian information criterion; residuals below rounding or noise, or `least`, rad,
@@ -361,7 +361,7 @@ def smoothed(record: RecordedMotion, least: float = 0.1 * HALF_COUNT) -> tuple[C
 
 def _tried(record: RecordedMotion) -> list[float]:
     end = float(record.time[-1])
-    tried = [spacing for spacing in SPACINGS if 1.99 * record.step <= spacing <= end / (FEWEST - 1)]
+    tried = [spacing for spacing in _SPACINGS if 1.99 * record.step <= spacing <= end / (FEWEST - 1)]
     return tried or [2.0 * record.step]
 
 
@@ -398,7 +398,7 @@ def thinned(record: RecordedMotion) -> Knots:
             angle = np.vstack([angle, angle[-1] + rate[-1] * _BRAKE * (u - u**3 + 0.5 * u**4)])
             time = np.append(time, time[-1] + _BRAKE * u[:, 0])
         q = np.column_stack([sampled(time, column)(record.time)[0] for column in angle.T]) + first
-        if np.abs(q - target).max() <= max(HALF_COUNT, noise(record)):
+        if np.abs(q - target).max() <= max(_HALF_COUNT, noise(record)):
             break
-    tolerance = max(record.rounding, HALF_COUNT + noise_peak(record))
+    tolerance = max(record.rounding, _HALF_COUNT + _noise_peak(record))
     return Knots(time, angle, narrower, tolerance, float(np.abs(q - record.q).max()), braked)

@@ -55,7 +55,7 @@ class Series:
     unit: str = ""
 
 
-def tables_of(tree: Nested, left_out: Sequence[str] = ()) -> Tables:
+def _tables_of(tree: Nested, left_out: Sequence[str] = ()) -> Tables:
     """Tables of a tree, by their paths in it; lines `left_out` come before its own."""
     tables = Tables(left_out=left_out)
     apart: dict[str, list[str]] = {}
@@ -137,7 +137,7 @@ def read_hdf5(path: Path) -> Tables:
 
     with h5py.File(path, locking=False) as file:
         file.visititems(visit)
-    return tables_of(tree)
+    return _tables_of(tree)
 
 
 def read_tdms(path: Path) -> Tables:
@@ -169,7 +169,7 @@ def read_tdms(path: Path) -> Tables:
             else:
                 # Channels without times lie together by their numbers of samples.
                 signals[f"{channel.name} ({unit})" if unit else channel.name] = values
-    return tables_of(tree, left_out)
+    return _tables_of(tree, left_out)
 
 
 def read_matlab(path: Path) -> Tables:
@@ -191,7 +191,7 @@ def read_matlab(path: Path) -> Tables:
         variables, reasons = _by_scipy(path) if matio is None else _by_matio(path)
     if not variables:
         raise Unreadable(f"no variable of this MATLAB file can be read: {'; '.join(reasons)[:200]}")
-    return tables_of(variables, reasons)
+    return _tables_of(variables, reasons)
 
 
 def _by_scipy(path: Path) -> tuple[Nested, list[str]]:
@@ -234,7 +234,7 @@ def _plain(value: object) -> object:
     if isinstance(value, pd.DataFrame | Mapping):
         return _table(value) if isinstance(value, pd.DataFrame) else _members(value)
     if hasattr(value, "properties") and hasattr(value, "classname"):
-        return as_object(value.classname, _members(value.properties))
+        return _as_object(value.classname, _members(value.properties))
     if not isinstance(value, np.ndarray):
         return value
     if value.dtype.names is not None:
@@ -255,7 +255,7 @@ def _members(members: object) -> Nested:
     """Members of a struct, object or map."""
     if not isinstance(members, Mapping):
         return {}
-    return as_structure({str(name): _plain(value) for name, value in members.items()})
+    return _as_structure({str(name): _plain(value) for name, value in members.items()})
 
 
 def _table(frame: pd.DataFrame) -> Columns:
@@ -280,7 +280,7 @@ def _seconds(times: Column) -> NDArray[np.float64]:
     return np.asarray(since / np.timedelta64(1, "s"), np.float64)
 
 
-def as_object(kind: str, members: Nested) -> object:
+def _as_object(kind: str, members: Nested) -> object:
     """Time series, elements and data sets of Simulink's logs; of other objects their members.
 
     Properties of a base class lie under ``any``.
@@ -298,7 +298,7 @@ def as_object(kind: str, members: Nested) -> object:
     return members
 
 
-def as_structure(members: Nested) -> Nested:
+def _as_structure(members: Nested) -> Nested:
     """Name the signals of scopes, named blocks of columns and dSPACE's captures; others stay as they are."""
     if isinstance(members.get("signals"), dict) and isinstance(members.get("time"), np.ndarray):
         return _scope(members["time"], members["signals"])
@@ -310,7 +310,7 @@ def as_structure(members: Nested) -> Nested:
 
 def _named_block(members: Nested) -> Nested:
     """A structure with a block of columns and as many names."""
-    named = next((texts(value) for key, value in members.items() if _NAMES.search(key)), [])
+    named = next((_texts(value) for key, value in members.items() if _NAMES.search(key)), [])
     for key, value in members.items():
         is_block = isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind in "biuf"
         if len(named) > 1 and is_block and len(named) in value.shape:
@@ -322,7 +322,7 @@ def _named_block(members: Nested) -> Nested:
     return members
 
 
-def texts(value: object) -> list[str]:
+def _texts(value: object) -> list[str]:
     """Texts of a cell array, or an only one; none of anything else."""
     cells = list(value.values()) if isinstance(value, dict) else [value]
     words = [text(cell) for cell in cells]
@@ -376,7 +376,7 @@ def _scope(time: Column, signals: Nested) -> Nested:
     for number, item in enumerate(items, start=1):
         if not isinstance(item, dict) or not isinstance(item.get("values"), np.ndarray):
             continue
-        values, labels, legend = item["values"], texts(item.get("label")), texts(item.get("legend"))
+        values, labels, legend = item["values"], _texts(item.get("label")), _texts(item.get("legend"))
         title = text(item.get("title"))
         # A scope's title may be a pattern, and its labels may be those of the axes.
         name = (title if not title.startswith("%<") else "") or (labels[-1] if labels else "")

@@ -67,7 +67,7 @@ def read_files(paths: Sequence[Path]) -> Contents:
         names = {path: "" if path.is_dir() else _as_text(path.name) for path in paths}
         files = [file for path, name in names.items() for file in _files(path, name, scratch, unread)]
         # A package reads the tables beside it, and knows their units.
-        described = {table.resolve() for path, _ in files for table in packaged(path)}
+        described = {table.resolve() for path, _ in files for table in _packaged(path)}
         for path, name in files:
             if path.resolve() in described:
                 continue
@@ -173,7 +173,7 @@ def read_file(path: Path, name: str) -> tuple[list[Columns], list[str]]:
     return list(filled.values()), left_out
 
 
-def read_workbook(path: Path) -> Tables:
+def _read_workbook(path: Path) -> Tables:
     """Read the sheets that hold numbers."""
     sheets = pd.read_excel(path, sheet_name=None, header=None, engine="calamine")
     read = {str(name): _sheet(sheet) for name, sheet in sheets.items()}
@@ -205,14 +205,8 @@ def _written(cell: Any) -> str:
     return "0" if hasattr(cell, "total_seconds") or hasattr(cell, "isoformat") else str(cell).strip()
 
 
-def read_lvm(path: Path) -> Tables:
-    """Read a LabVIEW measurement; where it has no times, they follow from its header.
-
-    Raises
-    ------
-    Unreadable
-        If it is no table, or has several segments.
-    """
+def _read_lvm(path: Path) -> Tables:
+    """Read a LabVIEW measurement of one segment; where it has no times, they follow from its header."""
     with path.open(encoding="latin-1") as stream:
         head, _, _ = stream.read(2**16).rpartition(_END)
         stream.seek(0)
@@ -236,7 +230,7 @@ def read_lvm(path: Path) -> Tables:
     return Tables({"": columns})
 
 
-def packaged(path: Path) -> dict[Path, tuple[str, dict[str, str]]]:
+def _packaged(path: Path) -> dict[Path, tuple[str, dict[str, str]]]:
     """Name, and units of the fields, of each table of a frictionless data package; none of other files."""
     if path.suffix.lower() != ".json":
         return {}
@@ -253,15 +247,9 @@ def packaged(path: Path) -> dict[Path, tuple[str, dict[str, str]]]:
     return described
 
 
-def read_package(path: Path) -> Tables:
-    """Read the tables of a data package, as svgdigitizer writes them, with the units of its fields.
-
-    Raises
-    ------
-    Unreadable
-        If a JSON file is none, or its tables are missing.
-    """
-    resources = packaged(path)
+def _read_package(path: Path) -> Tables:
+    """Read the tables of a data package, as svgdigitizer writes them, with the units of its fields."""
+    resources = _packaged(path)
     if not resources:
         raise Unreadable("a JSON file that is no data package with a table beside it")
     read = Tables()
@@ -290,9 +278,9 @@ def _reader_of(path: Path) -> Callable[[Path], Tables]:
 
         return nested.read_matlab if is_matlab else nested.read_tdms if is_tdms else nested.read_hdf5
     if head.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
-        return read_workbook
+        return _read_workbook
     if suffix == ".json":
-        return read_package
+        return _read_package
     if suffix in _TEXTS | _BOOKS:
-        return read_lvm if head.startswith(b"LabVIEW Measurement") else read_text_table
+        return _read_lvm if head.startswith(b"LabVIEW Measurement") else read_text_table
     raise Unreadable(f"a format that is not read: {suffix or 'no suffix'}")

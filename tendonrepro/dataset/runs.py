@@ -38,7 +38,7 @@ _MOST_POINTS = 5000
 _FINEST = 0.02
 """Step of the grid on which curves are put, at most, s."""
 
-Curves: TypeAlias = dict[Use, tuple[Array, Array]]
+_Curves: TypeAlias = dict[Use, tuple[Array, Array]]
 """Times, s, and values, SI, of each signal."""
 
 
@@ -76,7 +76,7 @@ def runs_of(contents: Contents, mapping: MappingFile) -> tuple[dict[str, Trace],
 def _run(contents: Contents, name: str, run: RunMapping, notes: list[str]) -> tuple[Trace, Array | None]:
     """A run, and the error that its file holds, rad; notes are added to `notes`."""
     series = _series_of(contents, run, notes)
-    time, signals = read_off(series) if run.reading_error_deg else _on_one_clock(series, notes)
+    time, signals = _read_off(series) if run.reading_error_deg else _on_one_clock(series, notes)
     # A long log is in memory once, not twice.
     del series
     joints = tuple(sorted({use.joint for use in signals}))
@@ -110,9 +110,9 @@ def _run(contents: Contents, name: str, run: RunMapping, notes: list[str]) -> tu
     return Trace(name, time, joints, variables, attributes), recorded
 
 
-def _series_of(contents: Contents, run: RunMapping, notes: list[str]) -> Curves:
+def _series_of(contents: Contents, run: RunMapping, notes: list[str]) -> _Curves:
     """Signals of a run, each of the first table that has it."""
-    series: Curves = {}
+    series: _Curves = {}
     columns = run.columns or {}
     for source in run.sources:
         table = _table(contents, source)
@@ -145,9 +145,9 @@ def _table(contents: Contents, name: str) -> Columns:
     raise ConfigError(message, hint=f"tables: {', '.join(table.name for table in contents.tables)}")
 
 
-def _of_table(table: Columns, uses: dict[str, Use], run: RunMapping, notes: list[str]) -> Curves:
+def _of_table(table: Columns, uses: dict[str, Use], run: RunMapping, notes: list[str]) -> _Curves:
     """Signals of one table."""
-    series: Curves = {}
+    series: _Curves = {}
     for clock, together in by_clock(table, uses).items():
         if clock is not None:
             time = uses[clock].in_si(table[clock])
@@ -161,7 +161,7 @@ def _of_table(table: Columns, uses: dict[str, Use], run: RunMapping, notes: list
             rows, kept = _taken(table, filled, time, run, notes)
             for column in columns:
                 values = uses[column].in_si(table[column][rows])
-                series[uses[column]] = in_order(kept, values) if run.reading_error_deg else (kept, values)
+                series[uses[column]] = _in_order(kept, values) if run.reading_error_deg else (kept, values)
                 if absent := int((~np.isfinite(values)).sum()):
                     notes.append(f"{column}: {absent} of {len(values)} samples missing")
     return series
@@ -192,7 +192,7 @@ def _taken(
         rows = parts[run.part - 1]
     kept = time[rows] if run.step_s is None else run.step_s * np.arange(float(len(rows)))
     inside = (kept >= run.from_s) & (kept <= run.to_s)
-    left_out["not from from_s to to_s"] = int((~inside).sum())
+    left_out["before from_s or after to_s"] = int((~inside).sum())
     notes += [f"{count} of {filled.sum()} rows left out: {why}" for why, count in left_out.items() if count]
     notes += _checked(kept[inside], table.name, run)
     return rows[inside], kept[inside]
@@ -221,7 +221,7 @@ def _checked(time: Array, table: str, run: RunMapping) -> list[str]:
     return [told] if gaps else []
 
 
-def _on_one_clock(series: Curves, notes: list[str]) -> tuple[Array, dict[Use, Array]]:
+def _on_one_clock(series: _Curves, notes: list[str]) -> tuple[Array, dict[Use, Array]]:
     """All on the first signal's times, as far as others go."""
     times = [time for time, _ in series.values()]
     first = times[0]
@@ -393,21 +393,15 @@ def is_digitised(time: Array) -> bool:
     return bool((np.abs(steps - middle) > _EVEN * middle).mean() > 0.5)
 
 
-def in_order(time: Array, values: Array) -> tuple[Array, Array]:
+def _in_order(time: Array, values: Array) -> tuple[Array, Array]:
     """Points of a curve by time; of points at one time the mean."""
     known = np.isfinite(time) & np.isfinite(values)
     places, index = np.unique(time[known], return_inverse=True)
     return places, np.bincount(index, values[known]) / np.bincount(index)
 
 
-def read_off(series: Mapping[Use, tuple[Array, Array]]) -> tuple[Array, dict[Use, Array]]:
-    """Curves, each times (s) and values, on one even grid, smoothed as cross-validation finds best.
-
-    Raises
-    ------
-    ConfigError
-        If curves have no time in common or too few points.
-    """
+def _read_off(series: _Curves) -> tuple[Array, dict[Use, Array]]:
+    """Curves on one even grid, smoothed as cross-validation finds best."""
     from scipy.interpolate import make_smoothing_spline
 
     if few := [use for use, (time, _) in series.items() if len(time) < 5]:

@@ -16,7 +16,7 @@ import pandas as pd
 from tendonrepro.dataset import tables
 from tendonrepro.dataset.tables import Columns, Tables, Unreadable
 
-COMMENTS = ("#", "%", "//")
+_COMMENTS = ("#", "%", "//")
 _HEAD = 2**20
 """Characters at the beginning that tell how a file is written."""
 _SAMPLED = 60
@@ -83,17 +83,17 @@ def layout_of(path: Path) -> Layout:
     Unreadable
         If there is no table of numbers.
     """
-    encoding, is_damaged = encoding_of(path)
+    encoding, is_damaged = _encoding_of(path)
     with path.open(encoding=encoding, errors="replace") as stream:
         lines = stream.read(_HEAD).split("\n")
         # What is cut off in mid-line tells nothing.
         lines = lines[:-1] if stream.read(1) else lines
-    last = [line for line in lines[-2 * _SAMPLED :] if line.strip() and not line.startswith(COMMENTS)]
+    last = [line for line in lines[-2 * _SAMPLED :] if line.strip() and not line.startswith(_COMMENTS)]
     separator, comma = _spelling(last[-_SAMPLED:])
     # Excel names the separator in a line of its own.
     is_hint = re.compile("sep=", re.IGNORECASE).match
     written = {place: line for place, line in _whole(lines) if line.strip() and not is_hint(line)}
-    filled = [place for place, line in written.items() if not line.startswith(COMMENTS)]
+    filled = [place for place, line in written.items() if not line.startswith(_COMMENTS)]
     rows = [split(written[place], separator) for place in filled]
     first = tables.first_numbers(rows, [split(line, separator) for line in last[-_SAMPLED:]])
     if first is None:
@@ -117,7 +117,7 @@ def _whole(lines: Sequence[str]) -> Iterator[tuple[int, str]]:
         place = end
 
 
-def encoding_of(path: Path) -> tuple[str, bool]:
+def _encoding_of(path: Path) -> tuple[str, bool]:
     """Encoding of a file, by the first stretch beyond ASCII, and whether some bytes do not fit it."""
     with path.open("rb") as stream:
         chunks = iter(lambda: stream.read(_CHUNK), b"")
