@@ -367,14 +367,16 @@ def test_of_times_side_by_side_the_first_count_and_the_others_are_asked(tmp_path
     ("keys", "named", "samples"),
     [
         ("part: 2", "part", 400),
+        ("to_s: 99", "without a time", 399),
         ("where: {q2_d (deg): 15}, from_s: -1", "where", 2),
         ("step_s: 0.01, from_s: 1, to_s: 1.985", "from_s", 99),
     ],
 )
 def test_rows_left_out_are_counted_by_what_left_them_out(tmp_path, keys, named, samples):
     rows = np.concatenate([NUMBERS] * (2 if named == "part" else 1))
+    rows[10, 0] = np.nan if named == "without a time" else 0.1
     columns = "{time (s): time s, q2 (deg): q_encoder 2 deg}"
-    (tmp_path / "a.csv").write_text(HEADS + lines(rows))
+    (tmp_path / "a.csv").write_text(HEADS + lines(rows).replace("nan", ""))
     mapping = tmp_path / "m.yaml"
     mapping.write_text(f"columns: {columns}\nruns: {{x: {{sources: a.csv, {keys}}}}}\n")
     found = run_ingest([tmp_path / "a.csv"], mapping, tmp_path / "o.h5", force=True, dry_run=True, talk=QUIET)
