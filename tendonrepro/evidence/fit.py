@@ -102,11 +102,6 @@ class Fit:
         return float(np.abs(np.log(ratio)).sum()) if (ratio > 0.0).all() else float("inf")
 
 
-def _possible(parameters: Array) -> bool:
-    """Whether M_bar is positive, and no weight beyond those of any interpretation."""
-    return bool(parameters[2] > 0.0 and np.abs(parameters[:2]).max() <= 2.0)
-
-
 def ranked(log: Log, joint: int, rounding: tuple[float, float] = (0.0, 0.0)) -> list[Fit]:
     """Fits that come closest to one joint, counted from 0, best first; none if all torques stand at limits.
 
@@ -140,7 +135,9 @@ def ranked(log: Log, joint: int, rounding: tuple[float, float] = (0.0, 0.0)) -> 
         bases = list(dict.fromkeys([*printed, best[0]]))
         if with_filters := [filtered for base in bases for filtered in _filtered(window, joint, base)]:
             fits = _fitted_alike(log, joint, [*tried, *with_filters], rounding)
-    fits = [fit for fit in fits if _possible(fit.parameters)] or fits
+    # M_bar is positive, and no weight beyond those of any interpretation.
+    possible = [fit for fit in fits if fit.parameters[2] > 0.0 and np.abs(fit.parameters[:2]).max() <= 2.0]
+    fits = possible or fits
     equal = equally_good(fits)
     # phi(k e; k Delta) = k^b phi(e; Delta): Delta and phi in degrees differ in eta alone. Gains decide.
     return sorted(

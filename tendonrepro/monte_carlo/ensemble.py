@@ -219,7 +219,7 @@ def _take_over(earlier: Path, shards: Path, study: EnsembleStudy, *, force: bool
     strangers = [path for path in others if not path.name.startswith(".")]
     if strangers and not force:
         left = count_of(len(strangers), "file")
-        message = f"an interrupted run of another configuration or version left {left} here"
+        message = f"an interrupted run of another configuration or build left {left} here"
         hint = "choose another --out, or say --force to give them up"
         raise UsageError(message, where=str(shards), hint=hint)
     for path in others:

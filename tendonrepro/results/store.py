@@ -227,8 +227,10 @@ def _objections(folder: Path, digest: str, command: str) -> Iterator[tuple[Path,
                 yield folder / name, f"is not a file of a result: there is no {MANIFEST}"
         return
     manifest = read_manifest(folder)
+    # What a study on plants is known by has the code of plants in it.
+    known_by = "configuration or build" if "ensemble_sha256" in manifest["config"] else "configuration"
     identities = {
-        "configuration": (digest, manifest["config"]["sha256"]),
+        known_by: (digest, manifest["config"]["sha256"]),
         "version": (__version__, manifest["tendonrepro_version"]),
         "command": (command, manifest.get("command", "")),
     }
