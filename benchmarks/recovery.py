@@ -23,7 +23,7 @@ from tendonrepro.configuration.models.readings import parse_reading, under
 from tendonrepro.console import QUIET
 from tendonrepro.evidence.fit import fitted, rows_of_all
 from tendonrepro.evidence.hypotheses import LINEAR, NTSM, PID, Hypothesis
-from tendonrepro.evidence.log import Log, read_logs, torque_rounding
+from tendonrepro.evidence.log import Log, read_logs
 from tendonrepro.evidence.recover import NONE, RECOVERED, recover_controllers
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.monte_carlo.population import population_of
@@ -143,6 +143,7 @@ def log_of(trace, run) -> Log:
         S=run.plant.drive.S,
         expected=config,
         angle_rounding=np.zeros(len(config.joints)),
+        torque_rounding=np.zeros(len(config.joints)),
     )
 
 
@@ -194,9 +195,9 @@ def intervals(runs: list[tuple[str, Log]], record: dict[str, float]) -> dict[str
 def _held(name: str, log: Log, record: dict[str, float]) -> Iterator[list[str]]:
     (hypothesis, weights), expected = truth_of(name), load_config(None, "compare").config
     ((read,), _), gains = read_logs(file_of(log, record), expected), expected.control.gains
-    for place, step in enumerate(torque_rounding(read)):
+    for place in range(len(read.joints)):
         rows = rows_of_all(read, place, [hypothesis, Hypothesis(LINEAR), PID])
-        fit = fitted(read, place, hypothesis, (float(step), float(read.angle_rounding[place])), rows)
+        fit = fitted(read, place, hypothesis, rows)
         off = np.abs(fit.parameters[:3] - [*true_weights(weights)[:, place], gains.M_bar.si[place]])
         other = gains.beta if hypothesis.surface == LINEAR else gains.eta
         gain = gains.lam.si[place] * other.si[place]

@@ -102,11 +102,11 @@ class Fit:
         return float(np.abs(np.log(ratio)).sum()) if (ratio > 0.0).all() else float("inf")
 
 
-def ranked(log: Log, joint: int, rounding: tuple[float, float] = (0.0, 0.0)) -> list[Fit]:
+def ranked(log: Log, joint: int) -> list[Fit]:
     """Fits that come closest to one joint, counted from 0, best first; none if all torques stand at limits.
 
-    ``rounding`` are the steps of the recorded torque, N m, and angle, rad. Hypotheses are compared on samples
-    that all of them can foretell: on more samples the criterion is lower, whatever the hypothesis.
+    Hypotheses are compared on samples that all of them can foretell: on more samples the criterion is lower,
+    whatever the hypothesis.
     """
     window, candidates = liveliest(log, SCREENED), list(hypotheses(log))
     # A terminal surface needs no sample that the linear one does not.
@@ -129,12 +129,12 @@ def ranked(log: Log, joint: int, rounding: tuple[float, float] = (0.0, 0.0)) -> 
         # Coefficients that were free did without the acceleration where it was absent.
         absent = ("reference_acceleration", "absent")
         tried += [hypothesis.beside(absent) for hypothesis in tried]
-    fits = _fitted_alike(log, joint, tried, rounding)
+    fits = _fitted_alike(log, joint, tried)
     if all(fit.residual > SAME * fit.step for fit in fits):
         # Filters have a free cutoff, so they are tried on what is published, and on what comes close without.
         bases = list(dict.fromkeys([*printed, best[0]]))
         if with_filters := [filtered for base in bases for filtered in _filtered(window, joint, base)]:
-            fits = _fitted_alike(log, joint, [*tried, *with_filters], rounding)
+            fits = _fitted_alike(log, joint, [*tried, *with_filters])
     # M_bar is positive, and no weight beyond those of any interpretation.
     possible = [fit for fit in fits if fit.parameters[2] > 0.0 and np.abs(fit.parameters[:2]).max() <= 2.0]
     fits = possible or fits
@@ -159,9 +159,7 @@ def rows_of_all(log: Log, joint: int, needing: Sequence[Hypothesis]) -> Rows:
     return np.flatnonzero(kept)
 
 
-def _fitted_alike(
-    log: Log, joint: int, tried: Sequence[Hypothesis], rounding: tuple[float, float]
-) -> list[Fit]:
+def _fitted_alike(log: Log, joint: int, tried: Sequence[Hypothesis]) -> list[Fit]:
     """Fits of hypotheses to the samples that all of them can foretell."""
     rows = rows_of_all(log, joint, tried)
     refined = [
@@ -170,7 +168,7 @@ def _fitted_alike(
     ]
     # Where a cutoff fell, the filter has more to forget first.
     rows = np.intersect1d(rows, rows_of_all(log, joint, refined), assume_unique=True)
-    return [fitted(log, joint, hypothesis, rounding, rows) for hypothesis in refined]
+    return [fitted(log, joint, hypothesis, rows) for hypothesis in refined]
 
 
 def equally_good(fits: Sequence[Fit]) -> list[Fit]:
@@ -180,7 +178,7 @@ def equally_good(fits: Sequence[Fit]) -> list[Fit]:
     return exact or [fit for fit in fits if fit.information <= best + DECISIVE]
 
 
-def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, float], rows: Rows) -> Fit:
+def fitted(log: Log, joint: int, hypothesis: Hypothesis, rows: Rows) -> Fit:
     """Fit a hypothesis to samples of a joint; see :func:`ranked`."""
     columns = regression(log, joint, hypothesis)[rows]
     whole, parameters, information = _solution(columns, hypothesis)
@@ -196,6 +194,7 @@ def fitted(log: Log, joint: int, hypothesis: Hypothesis, rounding: tuple[float, 
     scaled = whole[:, :-1] / _sizes(whole[:, :-1])
     # What is zero throughout, such as the acceleration of a ramp, is no regressor.
     scaled = scaled[:, scaled.any(axis=0)]
+    rounding = float(log.torque_rounding[joint]), float(log.angle_rounding[joint])
     without, without_left_out = parameters, left_out
     if residual > SAME * step and any(rounding):
         errors = rows.size * _errors_of(columns, rows, parameters, hypothesis, rounding, log.L)

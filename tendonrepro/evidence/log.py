@@ -44,8 +44,8 @@ class Log:
         Coupling matrix.
     expected
         Configuration with the gains that the log is compared with, see `expected_of`.
-    angle_rounding : array (n,)
-        Rounding of the joint encoders that is left, rad.
+    angle_rounding, torque_rounding : array (n,)
+        Rounding that is left, of the joint encoders, rad, and of the commanded torque, N m.
     """
 
     run: str
@@ -61,6 +61,7 @@ class Log:
     S: Array
     expected: CompareConfig
     angle_rounding: Array
+    torque_rounding: Array
 
 
 _SIGNALS = ("q", "q_motor", "q_d", "dq_d", "ddq_d", "command", "applied")
@@ -112,6 +113,7 @@ def _log_of(trace: Trace, L: float, torque: str, file: TraceFile, expected: Comp
         S=S,
         expected=expected,
         angle_rounding=np.array(rounding),
+        torque_rounding=torque_rounding(trace[torque], S),
     )
 
 
@@ -169,15 +171,15 @@ def resolution(values: Array) -> float:
     return float(gaps.min()) if gaps.size else 0.0
 
 
-def torque_rounding(log: Log) -> Array:
-    """Rounding of each joint's torque (n,), N m, by the record, or by drives at the winches."""
+def torque_rounding(torque: Array, S: Array) -> Array:
+    """Rounding of each joint's torque (T, n), N m, by the record, or by drives at the winches; (n,)."""
     # Of a grid that values evidently stood on the step, else the smallest difference of any two.
-    of_joints = np.array([without_rounding(column, 0.0)[1] for column in log.command.T])
+    of_joints = np.array([without_rounding(column, 0.0)[1] for column in torque.T])
     # A record may round once more what a drive has rounded, and mixes the joints' digits at a winch.
-    noise = min(resolution(column) for column in log.command.T) * np.abs(log.S).sum(axis=0)
-    at_winches = zip((log.command @ log.S).T, noise, strict=True)
+    noise = min(resolution(column) for column in torque.T) * np.abs(S).sum(axis=0)
+    at_winches = zip((torque @ S).T, noise, strict=True)
     of_winches = np.array([without_rounding(column, 0.0, mixed)[1] for column, mixed in at_winches])
-    mapped = np.sqrt(np.linalg.inv(log.S.T) ** 2 @ of_winches**2)
+    mapped = np.sqrt(np.linalg.inv(S.T) ** 2 @ of_winches**2)
     return np.asarray(np.maximum(of_joints, mapped))
 
 

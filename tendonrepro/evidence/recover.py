@@ -25,7 +25,7 @@ from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.evidence.fit import Fit, equally_good, ranked
 from tendonrepro.evidence.hypotheses import LINEAR
-from tendonrepro.evidence.log import Log, expected_of, liveliest, read_logs, torque_rounding
+from tendonrepro.evidence.log import Log, expected_of, liveliest, read_logs
 from tendonrepro.files import Json
 from tendonrepro.parallel import Start, counted
 from tendonrepro.physics.control import DEGREES_PER_RADIAN, estimator_weights
@@ -67,14 +67,13 @@ NESTED = ("parameters", "equally_good", "pid")
 class RecoveredController:
     """What the log of one joint, by the paper's number, says.
 
-    ``fits`` has the best fit first, if any. ``torque_rounding``, N m, is the record's. The gains that it is
-    compared with are the paper's if ``of_paper``.
+    ``fits`` has the best fit first, if any. The gains that it is compared with are the paper's if
+    ``of_paper``.
     """
 
     joint: int
     fits: list[Fit]
     log: Log
-    torque_rounding: float
     of_paper: bool
 
     @property
@@ -83,9 +82,10 @@ class RecoveredController:
         return self.log.expected
 
     @property
-    def angle_rounding(self) -> float:
-        """Rounding of the joint's recorded angle, rad."""
-        return float(self.log.angle_rounding[self.log.joints.index(self.joint)])
+    def recorded(self) -> tuple[float, float]:
+        """Rounding of the joint's recorded angle, rad, and torque, N m."""
+        i = self.log.joints.index(self.joint)
+        return float(self.log.angle_rounding[i]), float(self.log.torque_rounding[i])
 
     @property
     def place(self) -> int:
@@ -100,9 +100,9 @@ class RecoveredController:
     @property
     def rounding(self) -> float:
         """RMS of the torque from rounding of the record, as a share of the torque's step."""
-        M_bar = self.expected.control.gains.M_bar.si[self.place]
-        of_angles = M_bar * self.angle_rounding * np.sqrt(6.0) / self.log.L**2
-        both = np.hypot(of_angles, np.sqrt(2.0) * self.torque_rounding) / np.sqrt(12.0)
+        M_bar, (angle, torque) = self.expected.control.gains.M_bar.si[self.place], self.recorded
+        of_angles = M_bar * angle * np.sqrt(6.0) / self.log.L**2
+        both = np.hypot(of_angles, np.sqrt(2.0) * torque) / np.sqrt(12.0)
         return float(both / self.best.step)
 
     @property
@@ -318,10 +318,7 @@ def recover_controllers(
 def _of_joint(of_paper: bool, task: tuple[Log, int]) -> RecoveredController:
     """Read the controller off one joint of one run."""
     log, joint = task
-    i = log.joints.index(joint)
-    rounding = float(torque_rounding(log)[i])
-    fits = ranked(liveliest(log, MOST), i, (rounding, float(log.angle_rounding[i])))
-    return RecoveredController(joint, fits, log, rounding, of_paper)
+    return RecoveredController(joint, ranked(liveliest(log, MOST), log.joints.index(joint)), log, of_paper)
 
 
 def controllers_of(
@@ -386,8 +383,8 @@ def controller_data(controller: RecoveredController) -> Json:
         row |= {
             "unexplained": controller.unexplained,
             "rounding": controller.rounding,
-            "torque_rounding": controller.torque_rounding,
-            "angle_rounding": controller.angle_rounding,
+            "torque_rounding": controller.recorded[1],
+            "angle_rounding": controller.recorded[0],
             "period": controller.log.L,
             "condition": controller.best.condition,
             "bias": controller.best.bias,

@@ -276,11 +276,12 @@ def test_rounding_of_remembered_torques_is_in_the_intervals(controller: int, ste
     In steps of 10 mN m the torque moves by 383.5 steps with each step of an encoder: errors take turns.
     """
     (log,), _ = read_logs(rounded(run(controller=controller), torque=step, angle_deg=0.001), PUBLISHED.config)
+    log = replace(log, torque_rounding=np.full(2, step), angle_rounding=np.zeros(2))
     truth = Hypothesis(LINEAR if controller == 3 else NTSM)
     for joint in (0, 1):
         rows = fit.rows_of_all(log, joint, [Hypothesis(LINEAR)])
-        found = fit.fitted(log, joint, truth, (step, 0.0), rows)
-        exact = fit.fitted(log, joint, truth, (0.0, 0.0), rows)
+        found = fit.fitted(log, joint, truth, rows)
+        exact = fit.fitted(replace(log, torque_rounding=np.zeros(2)), joint, truth, rows)
         assert (abs(found.parameters[:2] - [1.0, 0.0]) <= found.half[:2]).all()
         assert (found.half[:2] > exact.half[:2]).all()
         assert exact.bias == 0.0 < found.bias
@@ -292,11 +293,12 @@ def test_intervals_hold_the_true_weights_where_errors_take_turns() -> None:
     for controller, seed in product((2, 3), (1, 2)):
         (log,), _ = read_logs(run(controller=controller), PUBLISHED.config)
         white = np.random.default_rng(seed).normal(scale=0.01 / np.sqrt(24.0), size=(len(log.q) + 1, 2))
-        coarse = replace(log, command=log.command + np.diff(white, axis=0), applied=None)
+        torque = log.command + np.diff(white, axis=0)
+        coarse = replace(log, command=torque, applied=None, torque_rounding=np.full(2, 0.01))
         for joint in (0, 1):
             rows = fit.rows_of_all(coarse, joint, [Hypothesis(LINEAR)])
             truth = Hypothesis(LINEAR if controller == 3 else NTSM)
-            found = fit.fitted(coarse, joint, truth, (0.01, 0.0), rows)
+            found = fit.fitted(coarse, joint, truth, rows)
             inside += bool((abs(found.parameters[:2] - [1.0, 0.0]) <= found.half[:2]).all())
     assert inside >= 6
 
@@ -326,7 +328,7 @@ def test_the_grid_of_a_drive_is_found_below_the_digits_of_a_record() -> None:
     at_winches = 0.016 * np.cumsum(np.random.default_rng(3).integers(-3, 4, size=log.command.shape), axis=0)
     digits = np.round(at_winches @ np.linalg.inv(log.S) / 1e-3) * 1e-3
     mapped = np.linalg.norm(np.linalg.inv(log.S.T), axis=1)
-    assert torque_rounding(replace(log, command=digits)) == pytest.approx(0.016 * mapped, rel=1e-3)
+    assert torque_rounding(digits, log.S) == pytest.approx(0.016 * mapped, rel=1e-3)
 
 
 def test_numbers_are_those_of_another_least_squares(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -428,7 +430,7 @@ def test_a_log_without_any_acceleration_or_torque_of_its_own_warns_of_nothing() 
     pushed = replace(still, command=np.random.default_rng(1).normal(size=log.q.shape))
     for hypothesis in (Hypothesis(NTSM), Hypothesis(LINEAR)):
         rows = fit.rows_of_all(pushed, 0, [hypothesis])
-        assert np.isfinite(fit.fitted(pushed, 0, hypothesis, (0.0, 0.0), rows).residual)
+        assert np.isfinite(fit.fitted(pushed, 0, hypothesis, rows).residual)
 
 
 @pytest.mark.slow
