@@ -14,17 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import leastsq, minimize_scalar
 
 from tendonrepro.arrays import Array
-from tendonrepro.evidence.hypotheses import (
-    FILTERS,
-    LINEAR,
-    NTSM,
-    PID,
-    Hypothesis,
-    coefficient_slopes,
-    coefficients,
-    hypotheses,
-    regression,
-)
+from tendonrepro.evidence.hypotheses import FILTERS, LINEAR, NTSM, PID, Hypothesis, hypotheses, regression
 from tendonrepro.evidence.log import Log, liveliest
 
 BLOCK = 200
@@ -209,7 +199,7 @@ def fitted(log: Log, joint: int, hypothesis: Hypothesis, rows: Rows) -> Fit:
     # Errors may sit in what the controller remembered, or not: intervals have both answers.
     half = _half_width(parameters, left_out, without, without_left_out)
     gain, *gains = (
-        _error_gain_of(values, hypothesis) for values in (parameters, left_out, without, without_left_out)
+        hypothesis.error_gain(values) for values in (parameters, left_out, without, without_left_out)
     )
     return Fit(
         hypothesis=hypothesis,
@@ -257,7 +247,7 @@ def _errors_of(
         return products
     # Where an encoder's step moves the torque by nearly whole or half steps, errors of rounding follow one
     # another. What is left, n_0 - w_1 n_1 - w_2 n_2, has their mean products at one and two delays.
-    left, lag = columns[:, -1] - columns[:, :-1] @ coefficients(parameters, hypothesis), hypothesis.lag
+    left, lag = columns[:, -1] - columns[:, :-1] @ hypothesis.coefficients(parameters), hypothesis.lag
     w_1, w_2 = parameters[:2]
     follow = np.isin(rows - lag, rows)
     before = np.searchsorted(rows, rows[follow] - lag)
@@ -285,8 +275,8 @@ def _solution(columns: Array, hypothesis: Hypothesis) -> tuple[Array, Array, flo
     factor = _factor(columns)
     parameters = _solved(factor, hypothesis)
     # Errors of the record are in the torque and in both remembered ones: heavy weights make them larger.
-    noise = float(np.sqrt(1.0 + np.sum(_remembered(parameters, hypothesis) ** 2)))
-    error = _residual(factor, coefficients(parameters, hypothesis)) / noise
+    noise = float(np.sqrt(1.0 + np.sum(hypothesis.remembered(parameters) ** 2)))
+    error = _residual(factor, hypothesis.coefficients(parameters)) / noise
     count = parameters.size + (hypothesis.newest < 1.0)
     samples = len(columns)
     of_error = samples * float(np.log(max(error, 1e-300) ** 2 / samples))
@@ -310,7 +300,7 @@ def _with_cutoff_slope(log: Log, joint: int, hypothesis: Hypothesis, rows: Rows,
 
     The cutoff counts as the logit of the filter's newest weight.
     """
-    logit, values = _logit(hypothesis.newest), coefficients(parameters, hypothesis)
+    logit, values = _logit(hypothesis.newest), hypothesis.coefficients(parameters)
     ends = [
         regression(log, joint, replace(hypothesis, newest=_newest(logit + step)))[rows]
         for step in (-CUTOFF_STEP, CUTOFF_STEP)
@@ -327,21 +317,6 @@ def _jackknife_half_width(left_out: Array) -> Array:
     return np.asarray(NINETY * np.sqrt((len(left_out) - 1) * left_out.var(axis=0)))
 
 
-def _error_gain_of(parameters: Array, hypothesis: Hypothesis) -> Array:
-    """Gain of the error over M_bar: ``lam eta``, or ``K_p`` if linear; parameters are the last axis."""
-    linear = hypothesis.surface == LINEAR
-    return np.asarray(parameters[..., 4] if linear else parameters[..., 3] * parameters[..., 4])
-
-
-def _remembered(parameters: Array, hypothesis: Hypothesis) -> Array:
-    """Weights (2,) of the torques of one and two samples ago in the fitted equation."""
-    weights = parameters[:2].copy()
-    if hypothesis.readings["estimate_filter"] == "estimate":
-        weights *= hypothesis.newest
-        weights[0] += 1.0 - hypothesis.newest
-    return weights
-
-
 def _without_errors(
     factor: Array, parameters: Array, errors: Array, hypothesis: Hypothesis, near: Array | None = None
 ) -> Array:
@@ -352,7 +327,7 @@ def _without_errors(
     """
 
     def with_torque(x: Array) -> Array:
-        return np.append(coefficients(x, hypothesis), -1.0)
+        return np.append(hypothesis.coefficients(x), -1.0)
 
     values, total = with_torque(parameters), errors.copy()
     total[-1, -1] = max(np.sum((factor @ values) ** 2) - values @ errors @ values, errors[0, 0])
@@ -363,7 +338,7 @@ def _without_errors(
 
     def slopes(x: Array) -> Array:
         values = with_torque(x)
-        by_parameter = np.vstack([coefficient_slopes(x, hypothesis), np.zeros(5)])
+        by_parameter = np.vstack([hypothesis.coefficient_slopes(x), np.zeros(5)])
         size = values @ total @ values
         lighter = np.outer(misses(x), by_parameter.T @ total @ values) / size
         return np.asarray(factor @ by_parameter / np.sqrt(size) - lighter)
@@ -388,7 +363,7 @@ def _held_out_error(columns: Array, rows: Rows, hypothesis: Hypothesis, solve: S
 
 def _by_parameters(factor: Array, hypothesis: Hypothesis) -> Array:
     """Coefficients of the parameters that fit best."""
-    return coefficients(_solved(factor, hypothesis), hypothesis)
+    return hypothesis.coefficients(_solved(factor, hypothesis))
 
 
 def _least_squares(factor: Array, _: Hypothesis) -> Array:
@@ -449,10 +424,10 @@ def _solved(factor: Array, hypothesis: Hypothesis, near: Array | None = None) ->
     enough = np.sqrt(CLOSE_TO_FREE) * _residual(factor, _least_squares(factor, hypothesis))
 
     def misses(x: Array) -> Array:
-        return target - matrix @ np.append(coefficients(x[:5], hypothesis), x[5:])
+        return target - matrix @ np.append(hypothesis.coefficients(x[:5]), x[5:])
 
     def slopes(x: Array) -> Array:
-        by_parameter = coefficient_slopes(x[:5], hypothesis)
+        by_parameter = hypothesis.coefficient_slopes(x[:5])
         own = len(by_parameter)
         return -np.column_stack([matrix[:, :own] @ by_parameter, matrix[:, own:]])
 

@@ -95,6 +95,45 @@ class Hypothesis:
         """``printed``, or the settings joined by ``+``."""
         return "+".join(f"{axis}={value}" for axis, value in self.settings) or "printed"
 
+    def coefficients(self, parameters: Array) -> Array:
+        """Coefficients of the regressors from the ``parameters`` of a `Fit`."""
+        w_1, w_2, M_bar, first, second = parameters
+        head = [w_1, w_2, -w_1 * M_bar, -w_2 * M_bar, M_bar]
+        if self.surface == LINEAR:
+            return np.array([*head, M_bar * first, M_bar * second])
+        rate = 1.0 if self.readings["eta_in_controller_2"] == "dropped" else second
+        return np.array([*head, M_bar * first, M_bar * rate, M_bar * first * second])
+
+    def coefficient_slopes(self, parameters: Array) -> Array:
+        """Derivatives of `coefficients` by the parameters, (8, 5), or (7, 5) if linear."""
+        w_1, w_2, M_bar, first, second = parameters
+        rows = [
+            [1.0, 0.0, 0.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0, 0.0, 0.0],
+            [-M_bar, 0.0, -w_1, 0.0, 0.0],
+            [0.0, -M_bar, -w_2, 0.0, 0.0],
+            [0.0, 0.0, 1.0, 0.0, 0.0],
+            [0.0, 0.0, first, M_bar, 0.0],
+        ]
+        if self.surface == LINEAR:
+            return np.array([*rows, [0.0, 0.0, second, 0.0, M_bar]])
+        dropped = self.readings["eta_in_controller_2"] == "dropped"
+        rate = [0.0, 0.0, 1.0, 0.0, 0.0] if dropped else [0.0, 0.0, second, 0.0, M_bar]
+        return np.array([*rows, rate, [0.0, 0.0, first * second, M_bar * second, M_bar * first]])
+
+    def error_gain(self, parameters: Array) -> Array:
+        """Gain of the error over M_bar: ``lam eta``, or ``K_p`` if linear; parameters are the last axis."""
+        first, second = parameters[..., 3], parameters[..., 4]
+        return np.asarray(second if self.surface == LINEAR else first * second)
+
+    def remembered(self, parameters: Array) -> Array:
+        """Weights (2,) of the torques of one and two samples ago in the fitted equation."""
+        weights = parameters[:2].copy()
+        if self.readings["estimate_filter"] == "estimate":
+            weights *= self.newest
+            weights[0] += 1.0 - self.newest
+        return weights
+
 
 PID = Hypothesis(LINEAR, (("differencing", "centred"),))
 """The simplest one that a PID has, too; see `Hypothesis.is_pid`."""
@@ -176,34 +215,6 @@ def regression(log: Log, joint: int, hypothesis: Hypothesis) -> Array:
     columns = np.stack([*estimate, *acceleration, y], axis=1)
     columns[_limited(log, lag)] = np.nan
     return columns
-
-
-def coefficients(parameters: Array, hypothesis: Hypothesis) -> Array:
-    """Coefficients of the regressors from the ``parameters`` of a `Fit`."""
-    w_1, w_2, M_bar, first, second = parameters
-    head = [w_1, w_2, -w_1 * M_bar, -w_2 * M_bar, M_bar]
-    if hypothesis.surface == LINEAR:
-        return np.array([*head, M_bar * first, M_bar * second])
-    rate = 1.0 if hypothesis.readings["eta_in_controller_2"] == "dropped" else second
-    return np.array([*head, M_bar * first, M_bar * rate, M_bar * first * second])
-
-
-def coefficient_slopes(parameters: Array, hypothesis: Hypothesis) -> Array:
-    """Derivatives of `coefficients` by the parameters, (8, 5), or (7, 5) if linear."""
-    w_1, w_2, M_bar, first, second = parameters
-    rows = [
-        [1.0, 0.0, 0.0, 0.0, 0.0],
-        [0.0, 1.0, 0.0, 0.0, 0.0],
-        [-M_bar, 0.0, -w_1, 0.0, 0.0],
-        [0.0, -M_bar, -w_2, 0.0, 0.0],
-        [0.0, 0.0, 1.0, 0.0, 0.0],
-        [0.0, 0.0, first, M_bar, 0.0],
-    ]
-    if hypothesis.surface == LINEAR:
-        return np.array([*rows, [0.0, 0.0, second, 0.0, M_bar]])
-    dropped = hypothesis.readings["eta_in_controller_2"] == "dropped"
-    rate = [0.0, 0.0, 1.0, 0.0, 0.0] if dropped else [0.0, 0.0, second, 0.0, M_bar]
-    return np.array([*rows, rate, [0.0, 0.0, first * second, M_bar * second, M_bar * first]])
 
 
 def _torques(log: Log, readings: Mapping[str, str], i: int) -> tuple[Array, Array]:

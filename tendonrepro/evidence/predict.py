@@ -273,23 +273,20 @@ def loops_of_plants(loaded: LoadedEnsemble, values: Array, reading: Reading) -> 
         yield from (experiment.change(loops, readings) for experiment in experiments)
 
 
-def gaps_between(predicted: Sequence[Prediction], readings: Sequence[str]) -> dict[str, Gaps]:
-    """Gap of 90 % ranges, on the joint where it is widest, by experiment and pair of readings.
+def gaps_between(rows: Sequence[Prediction], readings: Sequence[str]) -> Gaps:
+    """Gap of 90 % ranges of an experiment by pair of readings, on the joint where it is widest.
 
     Pairs that overlap have a negative gap, and pairs with an unknown range none.
     """
-    joints = dict.fromkeys(row.joint for row in predicted)
-    ends = {(row.experiment, row.reading, row.joint): (row.low, row.high) for row in predicted}
-    by_experiment: dict[str, Gaps] = {}
-    for name in dict.fromkeys(row.experiment for row in predicted):
-        gaps = {}
-        for pair in combinations(readings, 2):
-            lows, highs = np.array([[ends[name, reading, joint] for reading in pair] for joint in joints]).T
-            apart = lows.max(axis=0) - highs.min(axis=0)
-            if not np.isnan(apart).all():
-                gaps[pair] = float(np.nanmax(apart))
-        by_experiment[name] = gaps
-    return by_experiment
+    joints = dict.fromkeys(row.joint for row in rows)
+    ends = {(row.reading, row.joint): (row.low, row.high) for row in rows}
+    gaps = {}
+    for pair in combinations(readings, 2):
+        lows, highs = np.array([[ends[reading, joint] for reading in pair] for joint in joints]).T
+        apart = lows.max(axis=0) - highs.min(axis=0)
+        if not np.isnan(apart).all():
+            gaps[pair] = float(np.nanmax(apart))
+    return gaps
 
 
 SCHEMA_VERSION = 1
@@ -328,26 +325,29 @@ def predict_result(
 
     names, joints, around = [reading.name for reading in readings], loaded.compare.joints, loaded.around
     predicted = list(predictions(loaded, readings, draws, talk, files))
-    gaps = gaps_between(predicted, names)
-    experiments = [
-        {
-            "name": experiment.name,
-            "about": experiment.about,
-            "judged_pairs": len(of_pairs),
-            "told_apart": [[*pair] for pair, gap in of_pairs.items() if gap > 0.0],
-            "gaps": [gap for gap in of_pairs.values() if gap > 0.0],
-            "ratios": [vars(row) for row in predicted if row.experiment == experiment.name],
-        }
-        for experiment in experiments_on(loaded)
-        for of_pairs in [gaps[experiment.name]]
-    ]
+    experiments, told = [], dict[tuple[str, str], bool]()
+    for experiment in experiments_on(loaded):
+        rows = [row for row in predicted if row.experiment == experiment.name]
+        gaps = gaps_between(rows, names)
+        apart = {pair: gap for pair, gap in gaps.items() if gap > 0.0}
+        told |= {pair: told.get(pair, False) or pair in apart for pair in gaps}
+        experiments.append(
+            {
+                "name": experiment.name,
+                "about": experiment.about,
+                "judged_pairs": len(gaps),
+                "told_apart": [[*pair] for pair in apart],
+                "gaps": [*apart.values()],
+                "ratios": [vars(row) for row in rows],
+            }
+        )
     data = {
         "schema_version": SCHEMA_VERSION,
         "draws": draws,
         **({"around": around.as_data()} if around else {}),
         "joints": list(joints),
         "readings": names,
-        "never_told_apart": _never_told_apart([*gaps.values()]),
+        "never_told_apart": [[*pair] for pair, is_told in told.items() if not is_told],
         "experiments": experiments,
     }
     where = around.told if around else ""
@@ -355,50 +355,34 @@ def predict_result(
     return Result(data, prediction_tables(data, where), figures)
 
 
-def _never_told_apart(gaps: Sequence[Gaps]) -> list[list[str]]:
-    """Pairs of readings that no experiment tells apart, of those with a known gap."""
-    pairs = dict.fromkeys(pair for of_pairs in gaps for pair in of_pairs)
-    return [[*pair] for pair in pairs if not any(of_pairs.get(pair, 0.0) > 0.0 for of_pairs in gaps)]
-
-
 def prediction_tables(data: Json, where: str = "") -> list[Table | str]:
     """Tables of experiments, of pairs that none tells apart, and of ratios; before them what is too few."""
     telling = sorted(data["experiments"], key=lambda experiment: -max(experiment["gaps"], default=0.0))
     is_judged = any(experiment["judged_pairs"] for experiment in telling)
-    experiments = [
-        {
-            "experiment": experiment["about"],
-            # Where no pair could be judged, zeros would be findings.
-            "widest_gap": max(experiment["gaps"], default=0.0) if experiment["judged_pairs"] else None,
-            "narrowest_gap": min(experiment["gaps"], default=0.0) if experiment["judged_pairs"] else None,
-            "pairs_told_apart": len(experiment["gaps"]) if experiment["judged_pairs"] else None,
+    experiments = []
+    for experiment in telling:
+        gaps = experiment["gaps"] or [0.0]
+        row = {
+            "widest_gap": max(gaps),
+            "narrowest_gap": min(gaps),
+            "pairs_told_apart": len(experiment["gaps"]),
         }
-        for experiment in telling
-    ]
+        # Where no pair could be judged, zeros would be findings.
+        shown_row = row if experiment["judged_pairs"] else dict.fromkeys(row)
+        experiments.append({"experiment": experiment["about"], **shown_row})
     untold = [{"interpretation": a, "and": b} for a, b in data["never_told_apart"]]
     ratios = [row for experiment in telling for row in experiment["ratios"]]
     few = sum(row["plants"] < LEAST for row in ratios)
     ranges = f"{few} of {len(ratios)} ranges have fewer than {LEAST} stable plants, and tell nothing"
     shown = ("experiment", "reading", "joint", "errors_of", "plants", "median", "low", "high")
     on = f"{data['draws']} plants {where}".strip()
+    gaps_of = "Experiments, the most telling first: gaps between the 90 % ranges of interpretations."
+    untold_of = "Interpretations that no experiment tells apart."
+    ratios_of = f"Ratio of mean errors, median and central 90 % of the stable ones of {on}."
+    in_terminal, instead = (None, ()) if is_judged else ((), shown)
     return [
         *([f"{ranges}: more --draws"] if few else []),
-        Table(
-            "experiments",
-            "Experiments, the most telling first: gaps between the 90 % ranges of interpretations.",
-            experiments,
-            terminal=None if is_judged else (),
-        ),
-        Table(
-            "never_told_apart",
-            "Interpretations that no experiment tells apart.",
-            untold,
-            terminal=None if is_judged else (),
-        ),
-        Table(
-            "predictions",
-            f"Ratio of mean errors, median and central 90 % of the stable ones of {on}.",
-            ratios,
-            terminal=() if is_judged else shown,
-        ),
+        Table("experiments", gaps_of, experiments, terminal=in_terminal),
+        Table("never_told_apart", untold_of, untold, terminal=in_terminal),
+        Table("predictions", ratios_of, ratios, terminal=instead),
     ]

@@ -257,11 +257,11 @@ def test_readings_are_told_apart_by_ranges_that_do_not_meet() -> None:
         return Prediction("x", reading, joint, "joints", 50, low, low, high)
 
     rows = [row("a", 2, 1.0, 1.2), row("b", 2, 1.1, 1.3), row("c", 2, 1.25, 1.4)]
-    gaps = gaps_between(rows, ["a", "b", "c"])["x"]
+    gaps = gaps_between(rows, ["a", "b", "c"])
     assert gaps == pytest.approx({("a", "b"): -0.1, ("a", "c"): 0.05, ("b", "c"): -0.05})
     other_joint = [row("a", 3, 1.0, 1.2), row("c", 3, 1.4, 1.5)]
-    assert gaps_between([rows[0], rows[2], *other_joint], ["a", "c"])["x"]["a", "c"] == pytest.approx(0.2)
-    unknown = gaps_between([rows[0], row("b", 2, np.nan, np.nan), rows[2]], ["a", "b", "c"])["x"]
+    assert gaps_between([rows[0], rows[2], *other_joint], ["a", "c"])["a", "c"] == pytest.approx(0.2)
+    unknown = gaps_between([rows[0], row("b", 2, np.nan, np.nan), rows[2]], ["a", "b", "c"])
     assert [*unknown] == [("a", "c")]
 
 

@@ -79,12 +79,6 @@ def test_without_a_spread_the_shipped_ranges_are_relative(compare: Path) -> None
     assert ("links.mass", 1) not in ends
 
 
-@pytest.mark.parametrize("spread", [0.0, 10.0, float("nan")])
-def test_a_spread_that_is_none(compare: Path, spread: float) -> None:
-    with pytest.raises(UsageError):
-        load_plants(compare, spread)
-
-
 def test_a_range_of_a_key_replaces_the_spread(compare: Path) -> None:
     loaded = load_plants(compare, 0.2, ["links.mass=0.5,3", "links.length=1", "winches.viscous=2"])
     arm = population_of(loaded)
@@ -107,18 +101,21 @@ def test_a_range_of_a_key_replaces_the_spread(compare: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "ranges",
+    ("spread", "ranges"),
     [
-        ["mass=0.5,2"],
-        ["links.mass=2,0.5"],
-        ["links.mass=0,2"],
-        ["links.mass=0.5,2", "links.mass=0.9,1.1"],
-        ["tensioner.force=0.5,2"],  # off on this arm
+        (0.0, []),
+        (10.0, []),
+        (float("nan"), []),
+        (0.2, ["mass=0.5,2"]),
+        (0.2, ["links.mass=2,0.5"]),
+        (0.2, ["links.mass=0,2"]),
+        (0.2, ["links.mass=0.5,2", "links.mass=0.9,1.1"]),
+        (0.2, ["tensioner.force=0.5,2"]),  # off on this arm
     ],
 )
-def test_a_range_that_is_none(compare: Path, ranges: list[str]) -> None:
+def test_a_spread_or_a_range_that_is_none(compare: Path, spread: float, ranges: list[str]) -> None:
     with pytest.raises(UsageError):
-        load_plants(compare, 0.2, ranges)
+        load_plants(compare, spread, ranges)
 
 
 def test_an_impossible_arm_is_told(compare: Path) -> None:
