@@ -80,16 +80,6 @@ class Population:
         return self.loaded.around
 
     @property
-    def low(self) -> Array:
-        """Lower ends of the rows, (P,)."""
-        return np.array([row.low for row in self.rows])
-
-    @property
-    def high(self) -> Array:
-        """Upper ends of the rows, (P,)."""
-        return np.array([row.high for row in self.rows])
-
-    @property
     def nominal(self) -> Array:
         """Values (P,) of rows that are not free."""
         return np.array([row.nominal for row in self.rows])
@@ -98,11 +88,6 @@ class Population:
     def free(self) -> NDArray[np.bool_]:
         """Which rows vary, (P,)."""
         return np.array([row.free for row in self.rows])
-
-    def beginning(self, values: Array) -> Population:
-        """With other values (P,) of rows that are not free."""
-        pairs = zip(self.rows, values.tolist(), strict=True)
-        return replace(self, rows=tuple(replace(row, nominal=value) for row, value in pairs))
 
     def freeing(self, free: NDArray[np.bool_]) -> Population:
         """With some rows (P,) free, and the others held."""
@@ -235,7 +220,8 @@ def holding_base(population: Population) -> Population:
     if population.around:
         return population
     values = values_of(population.loaded.compare, population.named(population.nominal))
-    return population.beginning(np.array([*values.values()]))
+    pairs = zip(population.rows, values.values(), strict=True)
+    return replace(population, rows=tuple(replace(row, nominal=float(value)) for row, value in pairs))
 
 
 def sobol(dimensions: int, key: Sequence[int], first: int, count: int) -> Array:

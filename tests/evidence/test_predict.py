@@ -53,7 +53,6 @@ SLOWER = under(parse_reading("sampling_period=2ms"), COMPARE, {})
 LOOPS[DOUBLED_PERIOD] = dict(build_loops(SLOWER, LOADED.base.folder))[FIRST]
 BY_NAME = {one.name: one for one in EXPERIMENTS}
 BOX = population_of(LOADED)
-NOMINAL = BOX.named(BOX.nominal)
 
 
 @pytest.mark.parametrize(("reading", "is_one"), [("printed", True), ("eta_in_controller_2=dropped", False)])

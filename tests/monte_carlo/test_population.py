@@ -30,6 +30,11 @@ def drawn(k):
     return box().configured(draws()[k])
 
 
+def ends():
+    """Lower and upper ends of the rows, (2, P)."""
+    return np.array([[row.low, row.high] for row in box().rows]).T
+
+
 def column(name):
     return draws()[:, box().names.index(name)]
 
@@ -44,7 +49,7 @@ def nominal_with(**rows):
 def test_corners_of_the_unit_cube_are_the_bounds():
     corners = box().values(np.array([np.zeros(len(box().names)), np.ones(len(box().names))]))
     ranges = [i for i, row in enumerate(box().rows) if not row.choices]
-    np.testing.assert_array_equal(corners[:, ranges], np.array([box().low, box().high])[:, ranges])
+    np.testing.assert_array_equal(corners[:, ranges], ends()[:, ranges])
 
 
 @pytest.mark.parametrize("scale", ["linear", "log"])
@@ -53,7 +58,7 @@ def test_ranges_are_even_on_their_scale(scale):
         if box().rows[i].scale != scale:
             continue
         bend = np.log if scale == "log" else np.asarray
-        low, high, values = bend(box().low[i]), bend(box().high[i]), bend(column(name))
+        low, high, values = *bend(ends()[:, i]), bend(column(name))
         counts, _ = np.histogram((values - low) / (high - low), bins=8, range=(0.0, 1.0))
         # A Sobol sequence puts the same number into each eighth; an edge may round either way.
         assert abs(counts - DRAWS / 8).max() <= 1, name
@@ -84,7 +89,7 @@ def test_rows_that_act_under_readings_alone_move_no_other():
     near = np.abs(np.corrcoef(box().points(1, 0, 0, 1024).T)[always:, :always])
     assert near.max() < 0.2
     values = draws()[0].copy()
-    values[always:] = box().high[always:]
+    values[always:] = ends()[1, always:]
     assert box().configured(values).seed == drawn(0).seed
 
 
@@ -139,11 +144,11 @@ def test_every_other_draw_builds_its_loops():
 
 def test_widest_draws_stay_in_the_workspace():
     for motion in range(len(WORDS["motion"])):
-        for posture in (box().low, box().high):
+        for posture in ends():
             config = nominal_with(
                 motion=motion,
                 posture=posture[box().names.index("posture")],
-                amplitude=box().high[box().names.index("amplitude")],
+                amplitude=ends()[1, box().names.index("amplitude")],
             )
             list(build_loops(config, box().loaded.base.folder))
 
