@@ -80,12 +80,7 @@ def population_summary(population: Population, data: EnsembleData) -> Json:
         run: {status: share["count"] for status, share in shares.items()}
         for run, shares in readings[0]["status"].items()
     }
-    summary: Json = {
-        "plants": len(data),
-        "joints": list(joints),
-        "laws": laws,
-        "readings": readings,
-    }
+    summary: Json = {"plants": len(data), "joints": list(joints), "laws": laws, "readings": readings}
     return {**summary, "pairs": [*pair_rows(data)]} if data.around else summary
 
 
