@@ -141,7 +141,8 @@ def test_an_experiment_takes_its_base_for_as_many_joints(folder: Path) -> None:
     assert config.control.gains.alpha.value == (0.1, 0.2)
     text = COMPARE.replace("[1, 2]", "[2]") + (
         "reference: {kind: minimum_jerk, amplitude: 20, rise: 2, hold: 1, periods: 1}\n"
-        "control: {gains: {alpha: 0.3}}\nruns:\n  mine: {law: controller_1, payload: 0.3}\n"
+        "control: {gains: {alpha: 0.3}, laws: {controller_1: {surface: ntsm, estimator: alpha_tde}}}\n"
+        "runs:\n  mine: {law: controller_1, payload: 0.3}\n"
     )
     (folder / "compare.yaml").write_text(text, encoding="utf-8")
     one = load_config(folder / "compare.yaml", "compare").config
@@ -149,7 +150,7 @@ def test_an_experiment_takes_its_base_for_as_many_joints(folder: Path) -> None:
     assert one.control.gains.lam.value == (8,)
     assert one.control.gains.alpha.value == (0.3,)
     np.testing.assert_allclose(one.reference.amplitude.si, np.radians([20.0]))  # type: ignore[union-attr]
-    assert list(one.runs) == ["mine"]
+    assert (list(one.runs), list(one.control.laws)) == (["mine"], ["controller_1"])
     assert one.runs["mine"].payload.si == 0.3
 
 
