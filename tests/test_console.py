@@ -43,13 +43,6 @@ def test_slow_work_leaves_a_line_each_minute_and_quick_work_none(
     assert logged(clock, capsys, 200, 0.01) == []
 
 
-def test_the_quiet_say_nothing(clock: SimpleNamespace, capsys: pytest.CaptureFixture[str]) -> None:
-    with Talk(quiet=True).bar("working", 2) as progress:
-        clock.now += 80.0
-        progress(1)
-    assert capsys.readouterr().err == ""
-
-
 @pytest.mark.parametrize("words", ["ensemble --draws 256", "predict --draws 20", "tune", "identify", "edits"])
 def test_long_work_tells_its_time_beforehand(tmp_path: Path, words: str) -> None:
     done = run(*words.split(), "--dry-run", cwd=tmp_path)

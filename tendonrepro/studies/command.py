@@ -209,9 +209,7 @@ def _public(
         return value(cast("Prepared", entry.prepare(*args, **kwargs)))
 
     parameters = [
-        parameter.replace(annotation=parameter.annotation.__origin__)
-        if word_of(parameter.annotation) != Word()
-        else parameter
+        parameter.replace(annotation=_plain(parameter.annotation))
         for parameter in entry.signature.parameters.values()
     ]
     call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
@@ -290,8 +288,13 @@ def _said(parameter: inspect.Parameter, value: object) -> Iterator[str]:
 
 def kinds_of(annotation: object) -> tuple[object, ...]:
     """Types that a parameter may have: those of a union, or the one."""
-    plain = get_args(annotation)[0] if get_origin(annotation) is Annotated else annotation
+    plain = _plain(annotation)
     return get_args(plain) if get_origin(plain) in {Union, UnionType} else (plain,)
+
+
+def _plain(annotation: object) -> object:
+    """The type alone, without how it stands on the command line."""
+    return get_args(annotation)[0] if get_origin(annotation) is Annotated else annotation
 
 
 def word_of(annotation: object) -> Word:

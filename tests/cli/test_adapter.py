@@ -93,14 +93,6 @@ def test_many_arguments_and_the_first_type_that_can_be_written() -> None:
     assert found == {"paths": ["a", "b"], "names": ["c", "d"], "over": "y"}
 
 
-def test_help_is_the_docstring() -> None:
-    command = Command("everything", "", Example("a"), everything)
-    assert command.about == "What it does.\n\nAt length."
-    assert command.help["file"] == command.help["draws"] == "Of both."
-    assert command.help["kind"] == "Two lines of help."
-    assert command.help["out"]
-
-
 def test_json_is_printed_though_all_is_quiet(capsys: pytest.CaptureFixture[str]) -> None:
     show(Answer({"a": float("nan")}, "words", None), as_json=True, quiet=True)
     assert json.loads(capsys.readouterr().out) == {"a": None}
