@@ -38,6 +38,7 @@ _MOST_COLUMNS = 40
 """Of an array whose columns are signals."""
 _MOST_NAMED = 12
 """Arrays that a line on what was left out names."""
+
 Nested: TypeAlias = dict[str, Any]
 """Arrays, `Series`, `Columns` and further trees by name."""
 
