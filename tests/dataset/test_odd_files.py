@@ -357,8 +357,10 @@ def test_a_time_that_starts_again_begins_a_run(tmp_path):
 
 def test_of_times_side_by_side_the_first_count_and_the_others_are_asked(tmp_path):
     rows = np.column_stack([T, 2.0e3 * T, NUMBERS[:, 1:]])
-    found, _, mapping = ingested(tmp_path, ".csv", HEADS.replace("q2_d", "clock (ms),q2_d", 1) + lines(rows))
+    head = HEADS.replace("q2_d", "clock (ms),q2_d", 1)
+    found, runs, mapping = ingested(tmp_path, ".csv", head + lines(rows))
     assert mae(found) == MAE
+    assert runs["controller_1"].time[-1] == pytest.approx(3.99)
     asked = [line for line in mapping.splitlines() if "CHECK" in line]
     assert [line.split('"')[1] for line in asked] == ["clock (ms)"]
 
