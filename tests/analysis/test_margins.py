@@ -58,6 +58,12 @@ def test_loop_is_lost_at_its_margins_and_not_before(case, joint):
     assert max(radius(single, factor) for factor in np.exp(1.001 * lag * both)) > 1.0
     G = response(single, 2.0 * np.pi * L * np.array([found.crossover_hz]))
     assert np.abs(G) == pytest.approx(1.0, rel=1e-8)
+    # The shortest delay of all places where the gain is 1.
+    angles = np.union1d(np.geomspace(1e-4, np.pi, 20001), np.pi - np.geomspace(1e-7, 1.0, 2001))
+    G = response(single, angles)[:, 0, 0]
+    unity = np.flatnonzero(np.diff(np.abs(G) > 1.0))
+    delays = np.mod(np.angle(G[unity]), 2.0 * np.pi) / angles[unity] * L
+    assert found.delay_margin_s == pytest.approx(delays.min(), rel=1e-2)
 
 
 class TestKnownLoop:
