@@ -41,7 +41,11 @@ class TestReadings:
         for reading in (apart, both, "weights=extrapolating"):
             spoil(data, "controller_1", ["mae", "rmse"], 9.0, reading)
         found = verdict_on(data, paper, "C2")
-        assert {held.reading for held in found.by_choice} == {apart, absent, both}
+        assert {held.reading: held.opposite for held in found.by_choice} == {
+            apart: 0.0,
+            absent: 0.0,
+            both: 0.0,
+        }
         ((changed, verdict, ours),) = [(held.reading, held.verdict, held.ours) for held in found.unless]
         assert (changed, verdict, ours) == (apart, "not_met", 0.0)
         assert found.verdict != verdict
