@@ -30,13 +30,6 @@ def with_variables(run: Trace, **variables):
     return replace(run, variables={**run.variables, **variables})
 
 
-def test_equal_results_differ_in_nothing(tmp_path):
-    found = between(tmp_path, FILE, FILE)
-    assert found["same"]
-    assert not any(found[kind] for kind in ("config", "versions", "runs", "metrics", "traces"))
-    assert "have the same" in difference_text(found)
-
-
 def test_one_changed_sample_is_found_in_trace_and_metric(tmp_path):
     e = RUN["e"].copy()
     e[7, 1] += 1e-3

@@ -57,12 +57,6 @@ def folder(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_result_is_whole_and_leaves_nothing_beside_it(tmp_path: Path) -> None:
-    make(tmp_path / "above" / "mine", "new")
-    assert files(tmp_path / "above") == {f"mine/{name}": text for name, text in NEW.items()}
-    assert read_manifest(tmp_path / "above" / "mine")["outputs"].keys() == NEW.keys()
-
-
 def test_the_same_again_replaces_and_another_is_refused(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -46,12 +46,6 @@ def constant_errors(degrees: dict[str, tuple[float, float]]) -> TraceFile:
 
 
 class TestSizes:
-    def test_degrees_per_joint(self) -> None:
-        sizes = sizes_deg(np.deg2rad([[3.0, 0.0], [-4.0, 1.0]]))
-        assert sizes["mae_deg"] == pytest.approx([3.5, 0.5])
-        assert sizes["rmse_deg"] == pytest.approx([math.sqrt(12.5), math.sqrt(0.5)])
-        assert sizes["max_deg"] == pytest.approx([4.0, 1.0])
-
     def test_missing_samples_are_left_out_one_by_one(self) -> None:
         e = np.deg2rad([[1.0, math.nan], [-3.0, 2.0], [math.nan, math.nan]])
         sizes = sizes_deg(e)
@@ -64,50 +58,37 @@ class TestSizes:
 C1, C2, C3 = "controller_1", "controller_2", "controller_3"
 
 
+OWN, NONE = "user law mine", math.nan
+
+
 class TestRanking:
     @pytest.mark.parametrize(
-        ("errors", "joint", "order", "agrees"),
+        ("errors", "order", "agrees"),
         [
-            ({C1: (1, 1), C2: (2, 2), C3: (3, 3)}, 2, [C1, C2, C3], True),
-            ({C1: (1, 2), C2: (2, 1), C3: (3, 3)}, 3, [C2, C1, C3], False),
-            ({C1: (1, 1), C2: (1, 2), C3: (3, 3)}, 2, [C1, C2, C3], False),  # equal errors are no order
-            ({C1: (1, 1), C3: (3, 3)}, 2, [C1, C3], True),
+            ({C1: 1, C2: 2, C3: 3}, [C1, C2, C3], True),
+            ({C1: 1, C2: 1, C3: 3}, [C1, C2, C3], False),  # equal errors are no order
+            ({C1: 1, C3: 3}, [C1, C3], True),
+            ({C1: NONE, C2: 2, C3: 3}, [C2, C3, C1], False),
+            ({C1: 1, C2: NONE, C3: NONE}, [C1, C2, C3], False),  # nor are two without any
+            ({C1: 1, C2: 2, C3: 3, OWN: 0.5}, [OWN, C1, C2, C3], True),  # no part of the printed order
+            ({C1: 1, OWN: 2}, [C1, OWN], None),
         ],
     )
-    def test_each_joint_has_its_own_order(
-        self, errors: dict[str, tuple[float, float]], joint: int, order: list[str], agrees: bool
+    def test_order_and_whether_it_is_the_printed_one(
+        self, errors: dict[str, float], order: list[str], agrees: bool | None
     ) -> None:
-        found = ranking(constant_errors(errors))[f"joint_{joint}"]
-        assert found["mae"] == found["rmse"] == {"order": order, "agrees": agrees}
-
-    @pytest.mark.parametrize(
-        ("diverged", "order", "agrees"),
-        [
-            ({C1: 0.02}, [C3, C2, C1], False),
-            ({C3: 5.0}, [C1, C2, C3], True),
-            ({C2: 5.0, C3: 5.0}, [C1, C2, C3], False),
-        ],
-    )
-    def test_a_diverged_run_is_last_and_two_have_no_order(
-        self, diverged: dict[str, float], order: list[str], agrees: bool
-    ) -> None:
-        found = ranking(make_compare_file(diverged=diverged))["joint_2"]["mae"]
-        assert (found["order"][-1], found["agrees"]) == (order[-1], agrees)
-
-    def test_a_users_law_is_ranked_but_is_no_part_of_the_printed_order(self) -> None:
-        own = "user law mine"
-        found = ranking(constant_errors({C1: (1, 1), C2: (2, 2), C3: (3, 3), own: (0.5, 2.5)}))
-        assert found["joint_2"]["mae"] == {"order": [own, C1, C2, C3], "agrees": True}
-        assert found["joint_3"]["rmse"] == {"order": [C1, C2, own, C3], "agrees": True}
-        assert ranking(constant_errors({C1: (1, 1), own: (2, 2)}))["joint_2"]["mae"]["agrees"] is None
-
-    def test_a_users_law_has_both_loads(self) -> None:
-        file = constant_errors({"mine": (1, 1), "mine_payload": (2, 2)})
-        found = {load: trace.name for load, trace in loaded_runs(file).items()}
-        assert found == {"mine_no_load": "mine", "mine_with_load": "mine_payload"}
+        found = ranking(constant_errors({run: (size, 1.0) for run, size in errors.items()}))
+        assert found["joint_2"]["mae"] == found["joint_2"]["rmse"] == {"order": order, "agrees": agrees}
+        assert found["joint_3"]["mae"]["order"] == [*errors]
 
     def test_one_run_has_no_rank(self) -> None:
         assert ranking(make_compare_file(runs=[C1, "controller_1_payload"])) == {}
+
+
+def test_a_users_law_has_both_loads() -> None:
+    file = constant_errors({"mine": (1, 1), "mine_payload": (2, 2)})
+    found = {load: trace.name for load, trace in loaded_runs(file).items()}
+    assert found == {"mine_no_load": "mine", "mine_with_load": "mine_payload"}
 
 
 class TestTension:

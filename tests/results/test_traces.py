@@ -215,14 +215,6 @@ def test_another_layout_is_named(tmp_path: Path) -> None:
         read_traces(path)
 
 
-def test_the_folders_with_traces_in_one_without_are_named(tmp_path: Path) -> None:
-    write_traces_to(tmp_path / "compare", dataclasses.replace(COMPARE, runs={}))
-    with pytest.raises(DataMissingError) as caught:
-        export_traces(tmp_path, "csv")
-    assert "compare" in str(caught.value.hint)
-    assert [path.name for path in tmp_path.iterdir()] == ["compare"]
-
-
 @pytest.fixture
 def folder(tmp_path: Path, compare_path: Path) -> Path:
     shutil.copy(compare_path, tmp_path)
