@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tendonrepro.results.figures.catalogue import FIGURES, available, caption_of, runs_of
+from tendonrepro.results.figures.catalogue import FIGURES, caption_of, drawings, runs_of
 from tendonrepro.results.figures.style import REFERENCE, Drawing, Sheet, Stroke, journal_style, paler
 from tendonrepro.results.records import Trace, TraceFile
 
@@ -21,7 +21,7 @@ _PALE = 0.55
 
 def overlays(measured: TraceFile) -> list[str]:
     """Figures that a measured file can show; none measured Figure 6."""
-    return [name for name in available(measured) if name != "fig06"]
+    return [name for name in drawings(measured) if name != "fig06"]
 
 
 def draw_overlay(name: str, measured: TraceFile, models: Mapping[str, Trace]) -> Drawing:

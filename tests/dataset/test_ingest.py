@@ -10,7 +10,7 @@ from tendonrepro.console import QUIET
 from tendonrepro.dataset.ingestion import run_ingest, run_inspect
 from tendonrepro.dataset.read import read_files
 from tendonrepro.errors import ConfigError, DataMissingError, UsageError
-from tendonrepro.results.figures.catalogue import FIGURES, available
+from tendonrepro.results.figures.catalogue import FIGURES, drawings
 from tendonrepro.results.traces import read_traces
 
 TIME = synthetic_record.TIME[::20]
@@ -122,7 +122,7 @@ def test_a_made_up_record_gives_its_own_tables(from_record):
     np.testing.assert_allclose(np.rad2deg(decouple["q_calculated"]), calculated, atol=1e-6)
     # The paper's figures but those of one motor alone and of what a controller computes.
     paper = {name for name in FIGURES if name.startswith("fig")}
-    assert paper - set(available(file)) == {"fig06", "fig15"}
+    assert paper - drawings(file).keys() == {"fig06", "fig15"}
     assert {len(entry["md5"]) for entry in file.manifest["inputs"]} == {32}
     assert file.manifest["guesses"]
 

@@ -24,7 +24,7 @@ from support.synthetic import S, make_compare_file, make_decouple_file, whole
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError
 from tendonrepro.experiments.run import experiment_result
 from tendonrepro.results.figures import FORMATS
-from tendonrepro.results.figures.catalogue import FIGURES, available, draw
+from tendonrepro.results.figures.catalogue import FIGURES, draw, drawings
 from tendonrepro.results.figures.style import SERIES, Drawing, journal_style, save_drawing, thin
 from tendonrepro.results.paper import with_what_they_are
 from tendonrepro.results.records import Trace, TraceFile
@@ -47,7 +47,7 @@ every_figure = pytest.mark.parametrize("name", NAMES)
 
 
 def source(name: str) -> TraceFile:
-    return decouple_file() if name in available(decouple_file()) else compare_file()
+    return decouple_file() if name in drawings(decouple_file()) else compare_file()
 
 
 @cache
@@ -76,7 +76,7 @@ def with_status(trace: Trace, status: str, **changed: np.ndarray) -> Trace:
 
 
 def test_each_experiment_gives_its_figures() -> None:
-    assert sorted(available(decouple_file()) + available(compare_file())) == sorted(NAMES)
+    assert sorted([*drawings(decouple_file()), *drawings(compare_file())]) == sorted(NAMES)
     assert UNITS.keys() == set(NAMES)
 
 
@@ -85,7 +85,7 @@ def test_each_joint_of_an_arm_of_four_is_drawn() -> None:
     trace = file.runs["decouple"]
     variables = {name: np.column_stack([2.0 * x[:, 0], x]) for name, x in trace.variables.items()}
     four = replace(file, runs={"decouple": replace(trace, joint=(1, 2, 3, 4), variables=variables)})
-    assert [name for name in available(four) if FIGURES[name].joints] == [
+    assert [name for name in drawings(four) if FIGURES[name].joints] == [
         "fig10",
         "fig11",
         "fig12",
@@ -534,8 +534,8 @@ def test_measured_traces_without_the_laws_inside_say_not_recorded() -> None:
     assert legend_texts(draw(10, make_decouple_file(source="measured")))[0] == "Encoder (measured)"
     errors_below = draw(14, make_compare_file(without=("e",))).axes["d"]
     assert [text.get_text() for text in errors_below.texts] == ["not recorded"]
-    assert "fig15" not in available(make_compare_file(without=("s", "H_hat", "tau_m")))
-    assert not {"fig13", "fig14", "fig16"} & set(available(make_compare_file(without=("q_encoder", "e"))))
+    assert "fig15" not in drawings(make_compare_file(without=("s", "H_hat", "tau_m")))
+    assert not {"fig13", "fig14", "fig16"} & drawings(make_compare_file(without=("q_encoder", "e"))).keys()
 
 
 def test_a_figure_that_does_not_exist_or_of_the_other_experiment_is_refused() -> None:

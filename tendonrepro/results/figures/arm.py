@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -170,11 +170,9 @@ def draw_scene(scene: Scene, origin: str) -> tuple[Figure, Callable[[int], None]
     colours = ScalarMappable(Normalize(0.0, top), shades.with_extremes(under="#2E6FBB", bad="#BDBDBD"))
     label = "Tension (N); grey: not known, blue: would push"
     figure.colorbar(colours, ax=arm, orientation="horizontal", label=label, shrink=0.8, pad=0.02)
-    number_winches(arm, scene.paths)
+    links, discs = draw_arm(arm, scene.joints, scene.paths)
     x, y = np.mean([path.centre[0, 0] for path in scene.paths], axis=0)
     arm.text(x, y - 0.065, "motor winches, place assumed", ha="center", va="top", fontsize=6)
-    frame(arm, scene.joints, scene.paths)
-    links, discs = draw_links(arm, scene.joints[0]), draw_discs(arm, scene.paths)
     tendons = [arm.plot([], [], linewidth=1.7, zorder=4.0)[0] for _ in scene.paths]
     labels = {"q_encoder": "Joint angle (deg)", "e": "Tracking error (deg)"}
     cursors = [_draw_curves(panels[name], scene, name, label) for name, label in labels.items()]
@@ -260,8 +258,13 @@ def draw_links(axes: Axes, places: Array, colour: str = "#D8D8D8") -> Line2D:
     return axes.plot(*places.T, color=colour, **look)[0]
 
 
-def draw_discs(axes: Axes, paths: Iterable[TendonPath], place: int = 0) -> list[Circle]:
-    """Draw the winches and pulleys that tendons lie on, in one of their postures."""
+def draw_arm(
+    axes: Axes, joints: Array, paths: Sequence[TendonPath], place: int = 0
+) -> tuple[Line2D, list[Circle]]:
+    """Draw an arm in one of its postures, and return its links, and winches and pulleys.
+
+    Winches are numbered. The panel shows all that joints (T, N + 1, 2), m, reach, and a scale.
+    """
     look = {"facecolor": "none", "edgecolor": "#777777", "linewidth": 0.6, "zorder": 3.0}
     discs = [
         Circle(tuple(centre), abs(radius), **look)
@@ -270,25 +273,15 @@ def draw_discs(axes: Axes, paths: Iterable[TendonPath], place: int = 0) -> list[
     ]
     for disc in discs:
         axes.add_patch(disc)
-    return discs
-
-
-def number_winches(axes: Axes, paths: Sequence[TendonPath]) -> None:
-    """Write the number of its tendon below each winch."""
-    for number, path in enumerate(paths, start=1):
-        x, y = path.centre[0, 0]
-        axes.text(x, y - 0.03, str(number), ha="center", va="top", fontsize=7)
-
-
-def frame(axes: Axes, joints: Array, paths: Sequence[TendonPath]) -> None:
-    """Show all that joints (..., 2) and tendons reach, m, and a scale."""
     winches = np.array([path.centre[0, 0] for path in paths]).reshape(-1, 2)
+    for number, (x, y) in enumerate(winches, start=1):
+        axes.text(x, y - 0.03, str(number), ha="center", va="top", fontsize=7)
     widest = max((float(np.abs(path.radius).max()) for path in paths), default=0.0) + 0.02
-    below = winches - [0.0, 0.07]
-    corners = np.vstack([joints.reshape(-1, 2), winches, below])
+    corners = np.vstack([joints.reshape(-1, 2), winches, winches - [0.0, 0.07]])
     (left, bottom), (right, top) = corners.min(axis=0) - widest, corners.max(axis=0) + widest
     axes.set_aspect("equal")
     axes.set(xlim=(left, right), ylim=(bottom, top))
     axes.set_axis_off()
     axes.plot([left, left + 0.1], [bottom] * 2, color="black", linewidth=1.0)
     axes.text(left + 0.05, bottom + 0.01, "0.1 m", ha="center", va="bottom", fontsize=7)
+    return draw_links(axes, joints[place]), discs

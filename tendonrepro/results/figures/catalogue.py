@@ -61,11 +61,6 @@ def name_of(figure: str | int) -> str:
     return name
 
 
-def available(file: TraceFile) -> list[str]:
-    """Names of the figures that can be drawn from a trace file."""
-    return [name for name, spec in FIGURES.items() if spec.traces(file)]
-
-
 def drawings(file: TraceFile) -> dict[str, Callable[[], Drawing]]:
     """How to draw each figure that a trace file allows, from the runs that it shows alone."""
     return {
@@ -82,7 +77,7 @@ def draw(figure: str | int, file: TraceFile) -> Drawing:
     traces = spec.traces(file)
     if not traces:
         message = f"these {file.experiment} traces do not hold what {title_of(name)} shows"
-        raise DataMissingError(message, hint=f"figures they allow: {', '.join(available(file)) or 'none'}")
+        raise DataMissingError(message, hint=f"figures they allow: {', '.join(drawings(file)) or 'none'}")
     with journal_style():
         sheet = spec.draw(file, traces)
         caption = caption_of(name, file, sheet, f"{file.source.capitalize()}, {runs_of(traces)}")

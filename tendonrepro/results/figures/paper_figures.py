@@ -14,14 +14,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import FIRST, SECOND
 from tendonrepro.physics.metrics import mae, max_abs, rmse, window_mean
 from tendonrepro.physics.statics import path_points
-from tendonrepro.results.figures.arm import (
-    draw_discs,
-    draw_links,
-    frame,
-    number_winches,
-    postures,
-    tendon_paths,
-)
+from tendonrepro.results.figures import arm
 from tendonrepro.results.figures.style import (
     COLUMN_MM,
     PAGE_MM,
@@ -96,20 +89,17 @@ def draw_pull(file: TraceFile, traces: list[Trace]) -> Sheet:
 
 def _draw_postures(panels: list[Axes], file: TraceFile, trace: Trace, places: list[int]) -> None:
     """Draw the arm at two samples of a run, at the second one also where section 3.1 sees link 2."""
-    joints, angle = (values[places] for values in postures(file.plant, trace))
+    joints, angle = (values[places] for values in arm.postures(file.plant, trace))
     try:
-        paths = tendon_paths(file.plant, joints, angle)[:-1]
+        paths = arm.tendon_paths(file.plant, joints, angle)[:-1]
     except (KeyError, ValueError):  # the file does not say where they go, or they find no way
         paths = []
     for place, axes in enumerate(panels):
         if place:
-            draw_links(axes, joints[0], "#F0F0F0")
-        draw_links(axes, joints[place])
-        draw_discs(axes, paths, place)
-        number_winches(axes, paths)
+            arm.draw_links(axes, joints[0], "#F0F0F0")
+        arm.draw_arm(axes, joints, paths, place)
         for number, path in enumerate(paths, start=1):
             axes.plot(*path_points(path, place).T, **stroke_of(number).line, zorder=4.0)
-        frame(axes, joints, paths)
         axes.set_anchor("N")
     turned = np.rad2deg(np.diff(angle, axis=1, prepend=0.0))
     turned = turned[1] - turned[0]
