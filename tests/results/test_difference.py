@@ -76,10 +76,10 @@ def test_equal_values_at_other_times_or_of_other_joints_differ(tmp_path, change,
 
 def test_a_tolerance_hides_rounding_alone_and_is_zero_between_equal_versions(tmp_path):
     def nudged(share):
-        variables = {"e": 1e3 * RUN["e"] * (1.0 + share), "q": RUN["q_d"] * (1.0 + share)}
+        variables = {"e": 1e6 * RUN["e"] * (1.0 + share), "q": RUN["q_d"] * (1.0 + share)}
         return replace(FILE, runs={**FILE.runs, NAME: with_variables(RUN, **variables)})
 
-    base = replace(FILE, runs={**FILE.runs, NAME: with_variables(RUN, q=RUN["q_d"], e=1e3 * RUN["e"])})
+    base = replace(FILE, runs={**FILE.runs, NAME: with_variables(RUN, q=RUN["q_d"], e=1e6 * RUN["e"])})
     found = between(tmp_path, base, nudged(1e-9))
     assert found["tolerance"] == 0.0
     assert {row["variable"] for row in found["traces"]} == {"e", "q"}
