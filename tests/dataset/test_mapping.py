@@ -42,6 +42,8 @@ def test_what_lines_mean():
     assert (first.sources, first.payload_mass_kg) == (["a.xlsx:C1"], 0.0)
     assert (second.sources, second.payload_mass_kg, second.from_s) == (["b.csv", "c.csv"], 0.2, 2.0)
     assert list(second.columns) == ["b.csv:q2"]
+    # Factor and offset are in the unit of the file.
+    assert first.columns["m1"].in_si(np.array([100.0])) == pytest.approx(np.deg2rad(-2.5))
 
 
 @pytest.mark.parametrize(

@@ -489,12 +489,15 @@ def test_rows_cells_and_gaps_are_counted(tmp_path):
 
 
 def test_a_comma_that_may_mean_two_things_is_told(tmp_path):
-    rows = "".join(f"{x:.2f};{1 + k % 3},{100 + k};{k % 7}\n" for k, x in enumerate(T))
+    """Beside numbers with points it stands between thousands, which is told, too."""
+    rows = "".join(f"{x:.2f};{1 + k % 3},{100 + k};{k % 7}.5\n" for k, x in enumerate(T))
     path = tmp_path / "SYNTHETIC.csv"
-    path.write_text("t;q2;n\n" + rows)
+    path.write_text("t;q2;n\n" + rows + "4.00;1,500;1,234\n")
     found = read_files([path])
     assert any("q2" in line and "unclear" in line for line in found.left_out["SYNTHETIC.csv"])
     assert found.tables[0]["q2"].dtype.kind != "f"
+    assert any("'n'" in line and "thousands" in line for line in found.left_out["SYNTHETIC.csv"])
+    assert found.tables[0]["n"][-1] == 1234.0
 
 
 def zipped(path, names, content):
