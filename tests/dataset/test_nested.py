@@ -132,15 +132,19 @@ def test_logs_that_simulink_wrote(name):
     assert found | REAL[name] == found
 
 
-def test_dspace_captures(tmp_path):
-    clocks = made.records({"Name": "HostService", "Data": TIMES[None, :], "Unit": "s"})
+def test_dspace_captures_have_a_clock_for_each_raster(tmp_path):
+    rasters = {"Fast": TIMES, "Slow": 2.0 * TIMES}
+    clocks = made.records(*({"Name": name, "Data": time[None, :]} for name, time in rasters.items()))
     signals = made.records(
-        {"Name": '"Model Root"/"Arm"/"q2_d"', "Data": WAVES[:, :1].T, "Unit": "deg", "XIndex": 1.0},
+        {"Name": '"Model Root"/"Arm"/"q2_d"', "Data": WAVES[:, :1].T, "Unit": "deg", "XIndex": 2.0},
         {"Name": '"Model Root"/"Arm"/"q2"', "Data": WAVES[:, 1:].T, "Unit": "deg", "XIndex": 1.0},
     )
-    (found,) = written(tmp_path, "7", run=made.record(X=clocks, Y=signals, Description="SYNTHETIC")).values()
-    assert list(found) == ["time (s)", "q2_d (deg)", "q2 (deg)"]
-    assert_array_equal(found["q2 (deg)"], WAVES[:, 1])
+    slow, fast = written(
+        tmp_path, "7", run=made.record(X=clocks, Y=signals, Description="SYNTHETIC")
+    ).values()
+    assert [*slow, *fast] == ["time (s)", "q2_d (deg)", "time (s)", "q2 (deg)"]
+    assert_array_equal(slow["time (s)"], 2.0 * TIMES)
+    assert_array_equal(fast["q2 (deg)"], WAVES[:, 1])
 
 
 def test_scopes_with_title_and_legend(tmp_path):
