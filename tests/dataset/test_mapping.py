@@ -93,6 +93,14 @@ def test_units_that_no_name_says_are_guessed_by_size(step, unit, most, checks):
     assert len(found.guesses) == checks
 
 
+def test_a_curve_of_uneven_times_is_taken_to_be_read_off_to_half_a_percent():
+    time = np.cumsum(np.random.default_rng(1).uniform(0.01, 0.1, 40))
+    columns = {"t (s)": time, "q_d 2 (deg)": np.linspace(-10.0, 30.0, 40)}
+    text = guess_mapping([table_of("controller_1.csv", columns)], "SYNTHETIC").text
+    run = parse_mapping(text, "m.yaml").runs["controller_1"]
+    assert run.reading_error("q_d") == pytest.approx(np.deg2rad(0.2))
+
+
 @pytest.mark.parametrize(("mass", "payload"), [("0.2kg", 0.2), ("0.5kg", 0.5)])
 def test_a_payload_in_a_name_is_that_of_the_run(mass, payload):
     columns = {"t (s)": np.arange(20.0), "q2 (deg)": np.arange(20.0)}
