@@ -202,9 +202,13 @@ def plausible(trace: Trace) -> Sizes:
     friction, or leaves out its start.
     """
     has = trace.attributes
-    row, started = has.get("printed_row", ""), not np.any(has.get("start_offset", 0.0))
-    whole = started and not has.get("errors_from", 0.0) and has.get("friction_scale", 1.0) == 1.0
-    ranges = _ranges() if row and whole and not changed_readings(has["readings"]) else {}
+    row = has.get("printed_row", "")
+    alike = (
+        not np.any(has.get("start_offset", 0.0))
+        and has.get("friction_scale", 1.0) == 1.0
+        and not has.get("errors_from", 0.0)
+    )
+    ranges = _ranges() if row and alike and not changed_readings(has["readings"]) else {}
     ends: Sizes = {}
     for metric in METRICS:
         names = [f"{row}.{metric}.joint_{joint}" for joint in trace.joint]

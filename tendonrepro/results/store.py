@@ -299,9 +299,8 @@ def result_manifest(folder: Path) -> Json:
         When the folder holds none, or it is damaged.
     """
     if not (folder / MANIFEST).is_file():
-        within = [path.parent.name for path in sorted(folder.glob(f"[!.]*/{MANIFEST}"))]
         message = f"holds no result: there is neither {MANIFEST} nor {TRACES}"
-        hint = f"name one of the folders in it: {', '.join(within)}" if within else "run a command first"
+        hint = "name the folder of one result, such as reports/compare, or run a command first"
         raise DataMissingError(message, where=str(folder), hint=hint)
     return read_manifest(folder)
 

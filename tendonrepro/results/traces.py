@@ -143,12 +143,7 @@ def read_traces(source: Path) -> TraceFile:
 
     path = source / TRACES if source.is_dir() else source
     if not path.is_file():
-        within = [inner.parent.name for inner in sorted(source.glob(f"[!.]*/{TRACES}"))]
-        hint = (
-            f"name one of the folders in it: {', '.join(within)}"
-            if within
-            else "compare and decouple make one"
-        )
+        hint = "name the folder of one result, such as reports/compare; compare and decouple make them"
         raise DataMissingError("there is no such trace file", where=str(path), hint=hint)
     try:
         # Files take their places whole, so none is read while it is written; some file systems have no locks.
