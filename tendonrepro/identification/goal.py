@@ -223,12 +223,10 @@ def _of_table(path: Path, loaded: LoadedEnsemble, runs: Sequence[str]) -> _Numbe
             raise wrong(message, "write 0.25 with a point, and a comma between cells")
         cells = {name: (cell or "").strip() for name, cell in row.items()}
         run, joint = cells["run"], cells["joint"]
-        if run not in runs:
-            message = f"{loaded.base.origin} has no run {run!r}{did_you_mean(run, runs)}"
-            raise wrong(message, f"There are: {', '.join(runs)}")
-        if joint not in joints:
-            message = f"no joint {joint!r} moves in {loaded.base.origin}"
-            raise wrong(message, f"There are: {', '.join(joints)}")
+        for kind, name, names in (("run", run, runs), ("moving joint", joint, joints)):
+            if name not in names:
+                message = f"{loaded.base.origin} has no {kind} {name!r}{did_you_mean(name, names)}"
+                raise wrong(message, f"There are: {', '.join(names)}")
         half = cells.get("half_deg") and float(positive(cells["half_deg"], "half_deg"))
         for metric in METRICS:
             if text := cells.get(f"{metric}_deg"):

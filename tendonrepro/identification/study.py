@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
@@ -19,7 +20,7 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.configuration.models.readings import SHOWN, Reading, default_readings, named_readings
 from tendonrepro.console import Talk, count_of
-from tendonrepro.errors import UsageError, did_you_mean
+from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import reference_period
 from tendonrepro.files import Json
 from tendonrepro.identification import report
@@ -235,11 +236,12 @@ def _named_rows(text: str, box: Population) -> tuple[str, ...]:
     rows = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
     free = [row.name for row in box.rows if row.free]
     for name in rows:
+        if name not in box.names:
+            close = ", ".join(get_close_matches(name, free)) or f"there are: {', '.join(free)}"
+            raise UsageError(f"no row of the ranges is called {name!r}", where="--rows", hint=close)
         if name not in free:
-            is_none = f"is no row of the ranges{did_you_mean(name, free)}"
-            why = "is off on this arm, or its range is a point" if name in box.names else is_none
-            hint = f"These can be searched: {', '.join(free)}"
-            raise UsageError(f"{name} {why}", where="--rows", hint=hint)
+            message = f"{name} is off on this arm, or its range is a point"
+            raise UsageError(message, where="--rows", hint=f"These can be searched: {', '.join(free)}")
     return rows
 
 

@@ -226,8 +226,8 @@ class TuningTask:
             self.laws, [*caps.values()], plants, self.effort, (self.seed, number), states / f"{number}.npy"
         )
         tuning.run(CONDITIONS)
-        kept = [*_best_rows(tuning, caps), *_published_rows(plants)]
-        rows = _measured(plants, kept, states / f"{number}-best.npy")
+        rows = [*_best_rows(tuning, caps), *_published_rows(plants)]
+        _measured(plants, rows)
         return [{"draw": number, **row} for row in rows]
 
 
@@ -262,23 +262,15 @@ def _published_rows(plants: TrialPlants) -> Iterator[Json]:
         yield _row(SECOND, condition, False, "published", alpha=alpha, candidate=moved)
 
 
-def _measured(plants: TrialPlants, rows: Sequence[Json], path: Path) -> list[Json]:
-    """Rows with what their candidates give, angles in rad, kept in a file."""
-    candidates, n = [row["candidate"] for row in rows if "candidate" in row], plants.alpha.size
-
-    def at(places: Array) -> Array:
-        measured = bench.measure(plants, [candidates[int(place)] for (place,) in places], ALL_RUNS)
-        return np.column_stack([measured.mae.reshape(len(places), -1), measured.roughness, measured.stable])
-
-    values = Kept(at, path)(np.arange(len(candidates), dtype=float)[:, np.newaxis])
-    mae, roughness, stability = np.split(values, [ALL_RUNS * n, ALL_RUNS * n + 1], axis=1)
-    results = zip(mae.reshape(-1, ALL_RUNS, n), roughness[:, 0].tolist(), stability > 0.0, strict=True)
-    for row in rows:
+def _measured(plants: TrialPlants, rows: Sequence[Json]) -> None:
+    """Add to rows what their candidates give, angles in rad."""
+    candidates = [row.pop("candidate", None) for row in rows]
+    results = zip(*bench.measure(plants, [*filter(None, candidates)], ALL_RUNS), strict=True)
+    for row, candidate in zip(rows, candidates, strict=True):
         row["stable"] = False
-        if "candidate" in row:
-            mae, row["roughness"], stable = next(results)
-            row["stable"] = bool(stable[:-1].all())
-            row["gains"] = {name: value.tolist() for name, value in row.pop("candidate").gains.items()}
+        if candidate:
+            mae, roughness, stable = next(results)
+            row["roughness"], row["stable"] = float(roughness), bool(stable[:-1].all())
+            row["gains"] = {name: value.tolist() for name, value in candidate.gains.items()}
             row["mae"], row["error"] = mae[:2].tolist(), float(gmean(mae[:2], axis=None))
             row["held_out_error"] = float(gmean(mae[-1])) if stable[-1] else None
-    return [*rows]

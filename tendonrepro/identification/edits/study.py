@@ -94,8 +94,9 @@ class EditStudy:
     @cached_property
     def identity(self) -> str:
         """SHA-256 of all that a record depends on."""
-        own = replace(self.loaded, base=with_user_laws(self.loaded.base, self.laws))
-        return identity_of(own, readings=[reading.name for reading in self.readings], edits=[*self.cells])
+        return identity_of(
+            self.loaded, readings=[reading.name for reading in self.readings], edits=[*self.cells]
+        )
 
     def run(self, site: Site, jobs: int) -> Records:
         """Records of all plants, a status and statistics, SI, by reading and cell; those on disk are kept."""
@@ -168,17 +169,18 @@ def edits_study(
     if plants < 1:
         raise UsageError(f"must be at least 1, found {plants}", where="--plants")
     check_jobs(jobs)
-    task = EditStudy(loaded, tuple(laws), edited_goal(loaded, laws, errors), plants)
+    goal = edited_goal(loaded, laws, errors)
+    loaded = with_input(replace(loaded, base=with_user_laws(loaded.base, laws)), errors)
+    task = EditStudy(loaded, tuple(laws), goal, plants)
 
     def run(site: Site, _: Path) -> Result:
         records = task.run(site, jobs)
         outcomes = {reading.name: task.outcomes(records, k) for k, reading in enumerate(task.readings)}
         return edits_result(task.variants, outcomes, int(loaded.config.seed.si))
 
-    told = with_input(replace(loaded, base=with_user_laws(loaded.base, laws)), errors)
     experiments = plants * len(task.readings) * len(task.cells)
     cost = cost_of(experiments, len(MEASURED) * len(task.goal.joints))
-    study = study_on_plants("edits", told, task.identity, run, folder, cost=cost, stays=KEPT)
+    study = study_on_plants("edits", loaded, task.identity, run, folder, cost=cost, stays=KEPT)
     numbers = [task.goal.runs, task.goal.values.tolist(), task.goal.half.tolist()]
     text = f"edits: {len(task.variants.edits)} edits on {plants} plants"
     plan = {"schema_version": SCHEMA_VERSION, "experiment": "edits", "text": text}
