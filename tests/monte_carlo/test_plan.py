@@ -29,13 +29,6 @@ def test_pieces_hold_every_draw_once():
     np.testing.assert_array_equal(study.values(*last), expected)
 
 
-def test_more_draws_keep_the_pieces_of_fewer():
-    study = replace(small_study(), block_draws=16)
-    few, many = ({(p.population, *p.plants.tolist()) for p in study.pieces(draws)} for draws in (64, 256))
-    assert few < many
-    assert study.file_name("box", 64) == study.file_name("box", 256) != study.file_name("box", 32)
-
-
 @pytest.mark.parametrize("draws", [-8, 16, 33, 2**62])
 def test_impossible_draws_are_refused(draws):
     with pytest.raises(UsageError, match="power of two from 32 to 1048576") as caught:

@@ -46,12 +46,6 @@ def nominal_with(**rows):
     return box().configured(values)
 
 
-def test_corners_of_the_unit_cube_are_the_bounds():
-    corners = box().values(np.array([np.zeros(len(box().names)), np.ones(len(box().names))]))
-    ranges = [i for i, row in enumerate(box().rows) if not row.choices]
-    np.testing.assert_array_equal(corners[:, ranges], ends()[:, ranges])
-
-
 @pytest.mark.parametrize("scale", ["linear", "log"])
 def test_ranges_are_even_on_their_scale(scale):
     for i, name in enumerate(box().names):
