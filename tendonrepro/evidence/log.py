@@ -175,11 +175,14 @@ def torque_rounding(torque: Array, S: Array) -> Array:
     """Rounding of each joint's torque (T, n), N m, by the record, or by drives at the winches; (n,)."""
     # Of a grid that values evidently stood on the step, else the smallest difference of any two.
     of_joints = np.array([without_rounding(column, 0.0)[1] for column in torque.T])
-    # A record may round once more what a drive has rounded, and mixes the joints' digits at a winch.
-    noise = min(resolution(column) for column in torque.T) * np.abs(S).sum(axis=0)
-    at_winches = zip((torque @ S).T, noise, strict=True)
-    of_winches = np.array([without_rounding(column, 0.0, mixed)[1] for column, mixed in at_winches])
-    mapped = np.sqrt(np.linalg.inv(S.T) ** 2 @ of_winches**2)
+    # A record may round once more what a drive has rounded. At a winch it mixes the joints' digits, at most
+    # one of each, and a little for arithmetic. Larger changes may tell the drive's steps, or all.
+    digits = 1.2 * min(resolution(column) for column in torque.T) * np.abs(S).sum(axis=0)
+    at_winches = zip((torque @ S).T, digits, strict=True)
+    of_winches = [
+        max(without_rounding(column, 0.0, noise)[1] for noise in (0.0, mixed)) for column, mixed in at_winches
+    ]
+    mapped = np.sqrt(np.linalg.inv(S.T) ** 2 @ np.square(of_winches))
     return np.asarray(np.maximum(of_joints, mapped))
 
 
