@@ -75,8 +75,9 @@ class TestRoundTrip:
         assert_same(read_traces(write_traces_to(tmp_path, file)), file)
 
     def test_a_list_of_one_number_stays_a_list(self, tmp_path: Path) -> None:
-        rung = COMPARE.runs["controller_1"].attributes | {"status": "ringing", "status_joints": [3]}
-        run = dataclasses.replace(COMPARE.runs["controller_1"], attributes=rung)
+        single = {"status": "ringing", "status_joints": [3], "gains": {"lam": [8.0]}}
+        attributes = COMPARE.runs["controller_1"].attributes | single
+        run = dataclasses.replace(COMPARE.runs["controller_1"], attributes=attributes)
         file = dataclasses.replace(COMPARE, runs={"controller_1": run})
         read = read_traces(write_traces_to(tmp_path, file))
         assert_same(read, file)
