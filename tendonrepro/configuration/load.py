@@ -102,20 +102,20 @@ class Draft:
     """
 
     def __init__(self, source: ConfigLike, wanted: str | None, changes: Sequence[Override] = ()) -> None:
-        text, self.origin, self._path = find_source(source, wanted)
-        self.folder = self._path.parent if self._path else Path.cwd()
-        self.files = [self._path] if self._path else []
-        self._name = str(self._path or strict_yaml.STDIN)
+        text, self.origin, path = find_source(source, wanted)
+        self.folder = path.parent if path else Path.cwd()
+        self.files = [path] if path else []
+        self._name = str(path or strict_yaml.STDIN)
         self.tree: Map = strict_yaml.load(text, self._name)
         self.kind = self._kind(wanted)
         self.for_base: list[Override] = []
         if self.kind == MANIPULATOR:
-            self._complete_arm(self.tree, changes)
+            self._complete_arm(self.tree, path, changes)
         elif self.kind == "ensemble":
             self.for_base, own = split(changes, "base")
             apply_overrides(self.tree, own)
         else:
-            self._complete(changes)
+            self._complete(path, changes)
 
     def _kind(self, wanted: str | None) -> str:
         tree = self.tree
@@ -132,67 +132,63 @@ class Draft:
             self.refuse(("experiment",), f"must be {' or '.join(allowed)}, found {describe(kind)}{hint}")
         return str(kind)
 
-    def _complete(self, changes: Sequence[Override]) -> None:
+    def _complete(self, path: Path | None, changes: Sequence[Override]) -> None:
         """Take what bases have, and make changes; that of the arm's name first, for others are inside it."""
         tree = self.tree
-        base = self._base_of_experiment(tree)
+        base = self._base_of_experiment(tree, path)
         naming = [change for change in changes if change.path == (MANIPULATOR,)]
         of_arm, others = split([change for change in changes if change not in naming], MANIPULATOR)
         apply_overrides(tree, naming)
         if isinstance(name := tree.get(MANIPULATOR), str):
-            arm = self._read(self.named_file(name, MANIPULATOR))
-            tree[MANIPULATOR], tree.at[MANIPULATOR] = arm, strict_yaml.place(arm, (), str(self.files[-1]))
+            path = self.named_file(name, MANIPULATOR)
+            arm = self._read(path)
+            tree[MANIPULATOR], tree.at[MANIPULATOR] = arm, strict_yaml.place(arm, (), str(path))
         if isinstance(arm := tree.get(MANIPULATOR), Map):
-            self._complete_arm(arm, of_arm)
+            self._complete_arm(arm, path, of_arm)
         if base:
             complete_experiment(tree, *base)
         apply_overrides(tree, others)
 
-    def _base_of_experiment(self, tree: Map) -> tuple[Map, str] | None:
+    def _base_of_experiment(self, tree: Map, path: Path | None) -> tuple[Map, str] | None:
         """What an experiment has as its base, complete, and its name; arm and joints are taken at once."""
         if "base" not in tree:
             return None
-        base, base_name = self._base_of(tree)
-        if inner := self._base_of_experiment(base):
+        base, base_path = self._base_of(tree, path)
+        if inner := self._base_of_experiment(base, base_path):
             complete_experiment(base, *inner)
         for key in {MANIPULATOR, "joints"} & base.keys() - tree.keys():
             tree[key], tree.at[key] = base[key], base.at[key]
-        return base, base_name
+        return base, base_path.stem
 
-    def _complete_arm(self, arm: Map, changes: Sequence[Override] = ()) -> None:
+    def _complete_arm(self, arm: Map, path: Path | None, changes: Sequence[Override]) -> None:
         """Fill in what an arm leaves to its base, which may have one in turn, and make changes."""
         if "base" not in arm or "experiment" in arm:
             apply_overrides(arm, changes)
             return
         where, name = str(arm.at["base"]), arm["base"]
-        base, base_name = self._base_of(arm)
-        self._complete_arm(base)
+        base, base_path = self._base_of(arm, path)
+        self._complete_arm(base, base_path, ())
         try:
             Manipulator.model_validate(base)
         except ValidationError:
             raise ConfigError(f"base: {name!r} is not a whole arm", where=where) from None
         if "name" not in arm:
-            path = self._file_of(arm)
             arm["name"], arm.at["name"] = path.stem if path else "arm", arm.here
-        complete_arm(arm, base, base_name, changes)
+        complete_arm(arm, base, base_path.stem, changes)
 
-    def _base_of(self, tree: Map) -> tuple[Map, str]:
-        """What the file holds that a tree names as its base, and its name: beside its own, or shipped."""
-        where, name, path = str(tree.at["base"]), tree.pop("base"), self._file_of(tree)
+    def _base_of(self, tree: Map, path: Path | None) -> tuple[Map, Path]:
+        """What the file holds that a tree of the file `path` names as its base, and this file."""
+        where, name = str(tree.at["base"]), tree.pop("base")
         # The arm that an experiment elsewhere names would be looked for here, and another one found.
         if not isinstance(name, str) or ("experiment" in tree and Path(name).name != name):
             message = f"base: must be a file beside this one or a shipped one, found {describe(name)}"
             raise ConfigError(message, where=where)
-        base = self._read(self._found(name, "base", where, path.parent if path else self.folder))
+        base_path = self._found(name, "base", where, path.parent if path else self.folder)
+        base = self._read(base_path)
         if not isinstance(base, Map) or base.get("experiment") != tree.get("experiment"):
             kind = f"an experiment {self.kind!r}" if "experiment" in tree else "an arm"
             raise ConfigError(f"base: {name!r} is not {kind}", where=where)
-        return base, self.files[-1].stem
-
-    def _file_of(self, tree: Map) -> Path | None:
-        """File that holds a tree, the configuration's if an option gave it; None is standard input."""
-        is_own = tree.here.name == self._name or not tree.here.line
-        return self._path if is_own else Path(tree.here.name)
+        return base, base_path
 
     def _read(self, path: Path) -> Parsed:
         self.files.append(path)

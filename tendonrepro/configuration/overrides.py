@@ -121,8 +121,10 @@ def _refuse_ending(tree: Map, change: Override) -> None:
     if ending:
         # First a key inside something that is named after it: the payload of the run with payload.
         ending.sort(key=lambda path: not any(str(asked[0]) in str(part) for part in path[: -len(asked)]))
-        meant = " or ".join(repr(_dotted(path)) for path in ending[:3])
-        message = f"unknown key {_dotted(change.path)!r}, did you mean {meant}?"
+        name = change.option.removeprefix("--set ")
+        above = name.removesuffix(_dotted(change.path))  # of a change inside an arm: its key
+        meant = " or ".join(repr(above + _dotted(path)) for path in ending[:3])
+        message = f"unknown key {name!r}, did you mean {meant}?"
         raise ConfigError(message, where=change.option)
 
 

@@ -179,6 +179,14 @@ def test_keys_of_the_base_are_meant_too(folder: Path) -> None:
         load_config(folder / "compare.yaml", "compare", overrides=["control.gains.lamb=8"])
 
 
+def test_an_arm_inside_a_base_has_the_name_of_the_file_that_was_asked_for(folder: Path) -> None:
+    inside = COMPARE.replace("my_arm.yaml", "{base: my_arm.yaml, links: {mass: 1}}")
+    (folder / "compare.yaml").write_text(inside, encoding="utf-8")
+    (folder / "second.yaml").write_text("experiment: compare\nbase: compare.yaml\n", encoding="utf-8")
+    for name in ("compare", "second"):
+        assert load_config(folder / f"{name}.yaml", "compare").config.manipulator.name == name
+
+
 LINKS = ["mass", "length", "com", "inertia"]
 
 

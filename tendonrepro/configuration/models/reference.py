@@ -14,6 +14,7 @@ from pydantic import Field, StrictInt
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.quantity import Moving, Physical, Scalar, nonneg, positive, whole, wrong_sizes
 from tendonrepro.configuration.strict_model import Mistakes, Model
+from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.errors import ConfigError
 from tendonrepro.physics import trajectory
 from tendonrepro.physics.trajectory import Shape, trapezoid_times
@@ -193,10 +194,7 @@ def read_samples(path: Path, interpolation: str = "quintic") -> tuple[Array, dic
     angles : dict of array (N,)
         By the paper's joint number, rad.
     """
-    try:
-        header, *rest = path.read_text(encoding="utf-8-sig").splitlines() or [""]
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"cannot read the trajectory: {error}", where=str(path)) from None
+    header, *rest = read_text(path).splitlines() or [""]
     names = [name.strip() for name in header.split(",")]
     joints = [int(name[1]) for name in names if re.fullmatch("q[1-9]_deg", name)]
     if not joints or names != ["time_s", *(f"q{joint}_deg" for joint in dict.fromkeys(joints))]:
