@@ -141,6 +141,15 @@ def test_a_reading_of_an_equation_is_one_of_the_edits(reading: str) -> None:
         np.testing.assert_allclose(torques(law), of_physics(build_law(changed, run)), rtol=1e-9, atol=1e-9)
 
 
+def test_m_bar_in_degrees_is_an_inertia_per_degree() -> None:
+    """0.01 N m per deg/s² are 0.01 · 180/π per rad/s²."""
+    (edit,) = (edit for edit in every_edit().edits if edit.name == "everywhere: M̄ in degrees")
+    assert edit.laws.keys() == {*CONTROLLERS}
+    for law in edit.laws.values():
+        larger = law.base.law._replace(M_bar=np.rad2deg(law.base.law.M_bar))
+        np.testing.assert_allclose(torques(law), of_physics(larger), rtol=1e-9, atol=1e-9)
+
+
 def test_names_tell_edits_apart_and_equal_ones_stand_once() -> None:
     made = every_edit()
     names = [name for edit in made.edits for name in (edit.name, *edit.others)]
@@ -204,6 +213,10 @@ def test_numbers_of_the_answer_by_another_way() -> None:
     edits = tuple(Variant(f"edit {k}", {}) for k in range(1, 6))
     data = edits_result(Variants(edits, (), (), 5), {"printed": of}, 1).data
     assert data["factor"] == 4 / 0.05
+    first, *_, last = data["ratios"]
+    # MAE of Table 2: Controller 1 over Controller 2 on joint 2, and joint 3 over joint 2 of Controller 1.
+    assert [*first.values()] == ["controller_1", 2, "controller_2", 2, pytest.approx(0.261 / 0.289)]
+    assert [*last.values()] == ["controller_1", 3, "controller_1", 2, pytest.approx(0.219 / 0.261)]
     row, goal = data["edits"][2], of.goal
     table = goal.values.reshape(3, 4)
     orders = [
