@@ -5,9 +5,9 @@
 2. ``hypotheses.py`` writes Eqs. (15) to (18), under every surface and reading that a log can tell, as a
    linear regression of one joint's torque.
 3. ``fit.py`` tries all of them by least squares on the fastest stretch: a fit to even blocks of samples has
-   to predict odd ones. The best few are fitted to all samples with the controller's own five parameters, with
-   intervals by the jackknife, and ranked by the Bayesian information criterion. If none is exact, low-pass
-   filters are tried, too.
+   to predict odd ones. The best few are fitted to all samples, at most the fastest `MOST`, with the
+   controller's own five parameters, with intervals by the jackknife, and ranked by the Bayesian information
+   criterion. If none is exact, low-pass filters are tried, too.
 4. `RecoveredController` judges the best: does it leave no more than rounding, and are its weights and
    gains the paper's?
 """
@@ -261,17 +261,17 @@ class RecoveredController:
 
         A terminal surface has no gains here: lambda and its slope can be exchanged.
         """
-        gains, i = self.expected.control.gains, self.place
-        expected = {"w_1": None, "w_2": None, "M_bar": float(gains.M_bar.si[i])}
         if self.answer != RECOVERED:
             return {}
+        gains, i = self.expected.control.gains, self.place
+        expected = {"w_1": None, "w_2": None, "M_bar": float(gains.M_bar.si[i])}
         if self.best.hypothesis.surface == LINEAR:
             beta, lam = gains.beta.si[i], gains.lam.si[i]
             expected |= {"K_d": float(beta + lam), "K_p": float(beta * lam)}
         told = zip(expected.items(), self.best.parameters, self.best.half, strict=False)
         return {
-            name: {"value": value, "half_90": half, "published": published}
-            for (name, published), value, half in told
+            name: {"value": value, "half_90": half, "published": number}
+            for (name, number), value, half in told
         }
 
 
