@@ -20,7 +20,7 @@ from tendonrepro.studies.command import COMMANDS as COMMANDS
 
 if TYPE_CHECKING:
     from tendonrepro.configuration.load import Config
-    from tendonrepro.studies.parameters import Changes
+    from tendonrepro.studies.study import Changes
     from tendonrepro.studies.result import Result
 
 PUBLIC = sorted({"config", "open"} | ({command.word for command in COMMANDS.values()} & globals().keys()))

@@ -3,8 +3,7 @@
 from typing import Unpack
 
 from tendonrepro.studies.command import ONE_ARM, Example, study
-from tendonrepro.studies.parameters import Changes, ConfigOption, Controllers, Folder, Seed
-from tendonrepro.studies.study import Study
+from tendonrepro.studies.study import Changes, ConfigOption, Controllers, Folder, Seed, Study
 
 __all__ = ["explain"]
 

@@ -5,8 +5,7 @@ from typing import Annotated, TypeAlias
 
 from tendonrepro.files import Json
 from tendonrepro.studies.command import DATA, Example, command
-from tendonrepro.studies.parameters import ARGUMENT, MEASURED_FILE, TALK, Overwrite, Telling, Word
-from tendonrepro.studies.study import Answer
+from tendonrepro.studies.study import ARGUMENT, MEASURED_FILE, TALK, Answer, Overwrite, Telling, Word
 
 __all__ = ["fetch", "ingest", "inspect"]
 

@@ -5,8 +5,15 @@ from pathlib import Path
 from typing import Annotated, Unpack
 
 from tendonrepro.studies.command import DATA, MANY_ARMS, Example, study
-from tendonrepro.studies.parameters import ARGUMENT, Changes, ConfigOption, Destination, OnPlants, drawn_from
-from tendonrepro.studies.study import Study
+from tendonrepro.studies.study import (
+    ARGUMENT,
+    Changes,
+    ConfigOption,
+    Destination,
+    OnPlants,
+    Study,
+    drawn_from,
+)
 
 __all__ = ["predict", "recover"]
 

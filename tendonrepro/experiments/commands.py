@@ -7,9 +7,10 @@ from typing import Annotated, Literal, TypeAlias, Unpack
 from tendonrepro.errors import UsageError
 from tendonrepro.files import Json
 from tendonrepro.studies.command import CONFIG, ONE_ARM, RESULT, Example, command, study
-from tendonrepro.studies.parameters import (
+from tendonrepro.studies.study import (
     ARGUMENT,
     TALK,
+    Answer,
     Changes,
     ConfigOption,
     Controllers,
@@ -19,11 +20,12 @@ from tendonrepro.studies.parameters import (
     Laws,
     Overwrite,
     Seed,
+    Study,
     Telling,
     Traces,
     Word,
+    written,
 )
-from tendonrepro.studies.study import Answer, Study, written
 
 __all__ = ["animate", "compare", "decouple", "diff", "export", "redraw", "statics", "sweep"]
 

@@ -32,9 +32,8 @@ from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import TRACES, read_traces
 from tendonrepro.simulation.loop import Loop, TimeDelayController
 from tendonrepro.simulation.resolution import COMPILED_STEPPER
-from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result
-from tendonrepro.studies.study import Study
+from tendonrepro.studies.study import Folder, Study
 
 PRECISE = 1e-6
 """Tolerance of the compiled stepper where a single comparison is asked for."""

@@ -33,9 +33,8 @@ from tendonrepro.parallel import as_ready, check_jobs, processors
 from tendonrepro.physics.metrics import START
 from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.simulation.batch import simulate_batch
-from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result
-from tendonrepro.studies.study import Site, Study, cost_of, folder_of
+from tendonrepro.studies.study import Folder, Site, Study, cost_of, folder_of
 
 Results: TypeAlias = dict[str, tuple[Json, CompareConfig]]
 """Numbers and best plant by reading."""

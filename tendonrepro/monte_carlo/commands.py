@@ -3,8 +3,7 @@
 from typing import Annotated, Unpack
 
 from tendonrepro.studies.command import MANY_ARMS, Example, study
-from tendonrepro.studies.parameters import Jobs, Laws, OnPlants, Word, drawn_from
-from tendonrepro.studies.study import Study
+from tendonrepro.studies.study import Jobs, Laws, OnPlants, Study, Word, drawn_from
 
 __all__ = ["ensemble"]
 

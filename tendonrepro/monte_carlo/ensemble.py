@@ -39,9 +39,8 @@ from tendonrepro.results.paper import OTHER_BASE, base_of_paper
 from tendonrepro.results.record_store import RecordStore
 from tendonrepro.results.store import take_over
 from tendonrepro.simulation.batch import simulate_batch
-from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result
-from tendonrepro.studies.study import Site, Study, cost_text, folder_of
+from tendonrepro.studies.study import Folder, Site, Study, cost_text, folder_of
 
 SUMMARY_VERSION = 2
 """Of ``summary.json``: from 2 on the first population stands under ``populations`` alone."""

@@ -25,9 +25,8 @@ from tendonrepro.simulation.batch import Batch, simulate_batch
 from tendonrepro.simulation.loop import Loop
 from tendonrepro.simulation.resolution import COMPILED_STEPPER, TOLERANCE
 from tendonrepro.studies import study
-from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result
-from tendonrepro.studies.study import Site, Study
+from tendonrepro.studies.study import Folder, Site, Study
 
 WHOLE_RUNS = "errors are of whole runs"
 """Why a study leaves ``errors_from`` of its comparison aside."""

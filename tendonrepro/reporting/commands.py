@@ -8,17 +8,18 @@ from typing import TYPE_CHECKING, Annotated
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
 from tendonrepro.studies.command import COMMANDS, ONE_ARM, PAGES, Example, command
-from tendonrepro.studies.parameters import (
+from tendonrepro.studies.study import (
     ARGUMENT,
     TALK,
+    Answer,
     Changes,
     ConfigOption,
     Folder,
     Formats,
     Seed,
+    Study,
     Telling,
 )
-from tendonrepro.studies.study import Answer, Study
 
 if TYPE_CHECKING:
     from tendonrepro.studies.result import Result

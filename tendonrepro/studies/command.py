@@ -27,8 +27,7 @@ from typing import (
 
 from tendonrepro.console import Talk
 from tendonrepro.errors import did_you_mean
-from tendonrepro.studies.parameters import ON_PLANTS, Word
-from tendonrepro.studies.study import Answer, Study
+from tendonrepro.studies.study import ON_PLANTS, Answer, Study, Word
 
 if TYPE_CHECKING:
     from tendonrepro.studies.result import Result
@@ -250,7 +249,7 @@ def signature_of(function: Callable[..., object]) -> inspect.Signature:
         if parameter.kind is parameter.VAR_KEYWORD:
             kind = inspect.Parameter.KEYWORD_ONLY
             (options,) = get_args(hints[name])
-            shared = options.__annotations__
+            shared = get_type_hints(options, include_extras=True)
             parameters += [
                 inspect.Parameter(key, kind, default=default, annotation=shared[key])
                 for key, default in ON_PLANTS.items()

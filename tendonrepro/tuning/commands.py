@@ -3,8 +3,7 @@
 from typing import Unpack
 
 from tendonrepro.studies.command import MANY_ARMS, Example, study
-from tendonrepro.studies.parameters import Jobs, Laws, OnPlants, drawn_from
-from tendonrepro.studies.study import Study
+from tendonrepro.studies.study import Jobs, Laws, OnPlants, Study, drawn_from
 
 __all__ = ["tune"]
 

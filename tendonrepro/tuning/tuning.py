@@ -20,9 +20,8 @@ from tendonrepro.files import Json
 from tendonrepro.monte_carlo.kept import identity_of, refuse_on_lanes, study_on_plants
 from tendonrepro.parallel import as_ready, check_jobs, counted
 from tendonrepro.results.tables import Table
-from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result
-from tendonrepro.studies.study import Site, Study, cost_of
+from tendonrepro.studies.study import Folder, Site, Study, cost_of
 from tendonrepro.tuning.bench import CONDITIONS, PUBLISHED, Candidate, loops_of, usable
 from tendonrepro.tuning.laws import EQUIVALENCES, LAWS, TunedLaw, tuned_user_law
 from tendonrepro.tuning.search import CAPS, SAME, TuningEffort, TuningTask

@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import Annotated, Unpack
 
 from tendonrepro.studies.command import DATA, Example, study
-from tendonrepro.studies.parameters import ARGUMENT, MEASURED_FILE, Changes, ConfigOption, Folder, Seed
-from tendonrepro.studies.study import Study
+from tendonrepro.studies.study import ARGUMENT, MEASURED_FILE, Changes, ConfigOption, Folder, Seed, Study
 
 __all__ = ["validate"]
 

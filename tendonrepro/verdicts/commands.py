@@ -4,8 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from tendonrepro.studies.command import MANY_ARMS, Example, study
-from tendonrepro.studies.parameters import Folder, Formats, Word
-from tendonrepro.studies.study import Study
+from tendonrepro.studies.study import Folder, Formats, Study, Word
 
 __all__ = ["claims"]
 

@@ -22,9 +22,8 @@ from tendonrepro.monte_carlo.data import PLAN, EnsembleData, read_ensemble
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.records import TraceFile
 from tendonrepro.results.store import read_manifest
-from tendonrepro.studies.parameters import MEASURED_FILE, Folder
 from tendonrepro.studies.result import Result
-from tendonrepro.studies.study import Site, Study
+from tendonrepro.studies.study import MEASURED_FILE, Folder, Site, Study
 from tendonrepro.verdicts import from_ensemble, ledger, measurement, planted, rules, words
 from tendonrepro.verdicts.from_print import judge_print
 from tendonrepro.verdicts.ledger import ByChoice, Verdict

@@ -9,19 +9,23 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal, Unpack
 
 import pytest
+import typer
 from support.command import SHORT, answer, hear_interrupts, run
 from typer.testing import CliRunner
 
 import tendonrepro as tr
 from tendonrepro import cli
-from tendonrepro.cli.app import RETIRED, app, main
+from tendonrepro.cli.app import RETIRED, add_command, app, main, show
 from tendonrepro.configuration.load import shipped_folder
 from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.results.traces import read_traces
+from tendonrepro.studies.command import Command, Example
+from tendonrepro.studies.study import ARGUMENT, TALK, Answer, Changes, Destination, Laws, Telling
 
 
 @pytest.fixture(scope="module")
@@ -367,3 +371,84 @@ def test_what_is_unusual_is_told_once_with_its_line(tmp_path: Path) -> None:
     for words in (["compare"], ["reproduce"], ["config", "check"]):
         given = ["mine/compare.yaml"] if "check" in words else ["--config", "mine/compare.yaml", "--dry-run"]
         assert run(*words, *given, cwd=tmp_path).stderr.count(f"my_arm.yaml:{line}: ") == 1
+
+
+def everything(
+    file: Annotated[Path | str, ARGUMENT],
+    draws: int = 3,
+    *,
+    kind: Literal["one", "two"] = "one",
+    figures: bool = True,
+    any_plant: bool = False,
+    share: float | None = None,
+    set: Changes = None,
+    laws: Laws = None,
+    talk: Telling = TALK,
+    **folder: Unpack[Destination],
+) -> Answer[None]:
+    """What it does.
+
+    At length.
+
+    Parameters
+    ----------
+    file, draws
+        Of both.
+    kind
+        Two lines
+        of help.
+    """
+    told: dict[str, Any] = {"file": str(file), "draws": draws, "kind": kind, "figures": figures}
+    told |= {"any_plant": any_plant, "share": share, "set": set, "laws": laws, "quiet": talk.quiet}
+    return Answer(
+        told | {"folder": {key: str(value) for key, value in folder.items()}}, "", None, exit_code=3
+    )
+
+
+def several(
+    *paths: Path | str, names: Sequence[str] = (), over: Mapping[str, int] | str = "x"
+) -> Answer[None]:
+    """Many of them."""
+    return Answer({"paths": [str(path) for path in paths], "names": [*names], "over": over}, "", None)
+
+
+def called(function: Any, *words: str, code: int = 0) -> Any:
+    own = typer.Typer()
+    add_command(own, Command(function.__name__, "", Example("a"), function))
+    done = CliRunner().invoke(own, [*words, "--json"], standalone_mode=False)
+    assert done.return_value == code, done.output
+    return json.loads(done.stdout)
+
+
+def test_what_is_not_said_is_as_in_python() -> None:
+    told = called(everything, "a", code=3)
+    assert told == dict(everything("a").data) | {"folder": {"force": "False"}}
+
+
+def test_each_kind_of_option() -> None:
+    words = (
+        "a/b --draws 4 --kind two --no-figures --any-plant --share 0.5 --set a=1 --set b=[1,2] --law f:g -q"
+    )
+    assert called(everything, *words.split(), "--out", "x", "--force", code=3) == {
+        "file": "a/b",
+        "draws": 4,
+        "kind": "two",
+        "figures": False,
+        "any_plant": True,
+        "share": 0.5,
+        "set": ["a=1", "b=[1,2]"],
+        "laws": ["f:g"],
+        "quiet": True,
+        "folder": {"out": "x", "force": "True"},
+    }
+
+
+def test_many_arguments_and_the_first_type_that_can_be_written() -> None:
+    assert called(several) == {"paths": [], "names": [], "over": "x"}
+    found = called(several, "a", "b", "--names", "c", "--names", "d", "--over", "y")
+    assert found == {"paths": ["a", "b"], "names": ["c", "d"], "over": "y"}
+
+
+def test_json_is_printed_though_all_is_quiet(capsys: pytest.CaptureFixture[str]) -> None:
+    show(Answer({"a": float("nan")}, "words", None), as_json=True, quiet=True)
+    assert json.loads(capsys.readouterr().out) == {"a": None}

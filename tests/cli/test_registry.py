@@ -22,8 +22,7 @@ from tendonrepro.console import Talk
 from tendonrepro.results.traces import write_traces
 from tendonrepro.studies.command import CONFIG, word_of
 from tendonrepro.studies.lifecycle import DIVERGED, planned
-from tendonrepro.studies.parameters import Telling
-from tendonrepro.studies.study import Study
+from tendonrepro.studies.study import Study, Telling
 
 STUDIES = [name for name, command in COMMANDS.items() if command.has_dry_run]
 

@@ -27,9 +27,8 @@ from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.results.record_store import Records, RecordStore, RecordType
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.loop import Loop
-from tendonrepro.studies.parameters import Folder
 from tendonrepro.studies.result import Result
-from tendonrepro.studies.study import Site, Study
+from tendonrepro.studies.study import Folder, Site, Study
 
 KEPT = "plants"
 """Folder of what an interrupted study goes on with, and name of its only population."""
