@@ -19,7 +19,7 @@ import pandas as pd
 import scipy.io
 from numpy.typing import NDArray
 
-from tendonrepro.dataset.tables import FEWEST, Column, Columns, Tables, Unreadable, free_name
+from tendonrepro.dataset.tables import FEWEST, Column, Columns, Unreadable, free_name
 from tendonrepro.dataset.words import FACTORS, plain_unit
 
 with warnings.catch_warnings():
@@ -56,18 +56,19 @@ class Series:
     unit: str = ""
 
 
-def _tables_of(tree: Nested, left_out: Sequence[str] = ()) -> Tables:
+def _tables_of(tree: Nested, left_out: Sequence[str] = ()) -> list[Columns]:
     """Tables of a tree, by their paths in it; lines `left_out` come before its own."""
-    tables = Tables(left_out=left_out)
+    rest = Columns(notes=left_out)
+    tables = [rest]
     apart: dict[str, list[str]] = {}
     _collect(tree, "", tables, apart)
     for why, names in apart.items():
         more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
-        tables.left_out.append(f"{', '.join(names[:_MOST_NAMED])}{more}: {why}")
+        rest.notes.append(f"{', '.join(names[:_MOST_NAMED])}{more}: {why}")
     return tables
 
 
-def _collect(tree: Nested, path: str, tables: Tables, apart: dict[str, list[str]]) -> None:
+def _collect(tree: Nested, path: str, tables: list[Columns], apart: dict[str, list[str]]) -> None:
     """Put what lies together into tables, and the rest into `apart`: why -> names."""
     groups: dict[tuple[int, bytes], Columns] = {}
     inner: list[tuple[str, Nested]] = []
@@ -79,7 +80,8 @@ def _collect(tree: Nested, path: str, tables: Tables, apart: dict[str, list[str]
             for signal, column in _signals(value.name or name, value.values, 0):
                 group.add(signal, column, value.unit)
         elif isinstance(value, Columns):
-            tables[where] = value
+            value.name = where
+            tables.append(value)
         elif isinstance(value, dict):
             inner.append((where, value))
         elif not isinstance(value, np.ndarray) or value.size < 2 or value.dtype.kind not in "biufc":
@@ -95,7 +97,8 @@ def _collect(tree: Nested, path: str, tables: Tables, apart: dict[str, list[str]
                 group.add(signal, column)
     for number, ((rows, clock), columns) in enumerate(groups.items(), start=1):
         which = f"[clock {number}]" if clock else f"[{rows} rows]"
-        tables[path if len(groups) == 1 else f"{path}{which}"] = columns
+        columns.name = path if len(groups) == 1 else f"{path}{which}"
+        tables.append(columns)
     for where, value in inner:
         _collect(value, where, tables, apart)
 
@@ -120,7 +123,7 @@ def _signals(name: str, values: Column, axis: int) -> Iterator[tuple[str, NDArra
         yield f"{name}[{told}]" if told else name, column
 
 
-def read_hdf5(path: Path) -> Tables:
+def read_hdf5(path: Path) -> list[Columns]:
     """Read the datasets of an HDF5 file, with their ``units``."""
     tree: Nested = {}
 
@@ -141,7 +144,7 @@ def read_hdf5(path: Path) -> Tables:
     return _tables_of(tree)
 
 
-def read_tdms(path: Path) -> Tables:
+def read_tdms(path: Path) -> list[Columns]:
     """Read the groups of a TDMS file; a waveform's start and increment are its times.
 
     Raises
@@ -173,7 +176,7 @@ def read_tdms(path: Path) -> Tables:
     return _tables_of(tree, left_out)
 
 
-def read_matlab(path: Path) -> Tables:
+def read_matlab(path: Path) -> list[Columns]:
     """Read the variables that can be read; of the others it is said why not.
 
     Raises

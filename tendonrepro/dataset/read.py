@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from tendonrepro.dataset import tables
-from tendonrepro.dataset.tables import Columns, Tables, Unreadable
+from tendonrepro.dataset.tables import Columns, Unreadable
 from tendonrepro.dataset.text import encoding_of_bytes, read_text_table
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import md5_of
@@ -154,47 +154,43 @@ def read_file(path: Path, name: str) -> tuple[list[Columns], list[str]]:
         raise
     except Exception as error:
         raise Unreadable(f"damaged, or not what its name says: {error}"[:200]) from error
-    left_out = read.left_out + [
-        f"{inner}: {note}" if inner else note for inner, columns in read.items() for note in columns.notes
+    left_out = [
+        f"{columns.name}: {note}" if columns.name else note for columns in read for note in columns.notes
     ]
-    filled = {inner: columns for inner, columns in read.items() if columns}
-    for columns in filled.values():
+    filled = [columns for columns in read if columns]
+    for columns in filled:
         tables.with_one_time(columns)
-    wide = {
-        f"{inner}.{tables.BY_JOINT}".strip("."): tables.by_joint(columns) for inner, columns in filled.items()
-    }
-    filled |= {inner: columns for inner, columns in wide.items() if columns}
+    filled += filter(None, map(tables.by_joint, filled))
     if not filled:
         reasons = f": {'; '.join(left_out)}" if left_out else ""
         raise Unreadable(f"holds no columns of numbers{reasons}"[:400])
     file: dict[str, str | int] = {"name": name, "size": size, "md5": md5_of(path)}
-    for inner, columns in filled.items():
-        columns.name, columns.file = f"{name}:{inner}" if inner else name, file
-    return list(filled.values()), left_out
+    for columns in filled:
+        columns.name, columns.file = f"{name}:{columns.name}" if columns.name else name, file
+    return filled, left_out
 
 
-def _read_workbook(path: Path) -> Tables:
+def _read_workbook(path: Path) -> list[Columns]:
     """Read the sheets that hold numbers."""
     sheets = pd.read_excel(path, sheet_name=None, header=None, engine="calamine")
-    read = {str(name): _sheet(sheet) for name, sheet in sheets.items()}
-    filled = {name: columns for name, columns in read.items() if columns}
-    empty = [name for name in read if name not in filled and not sheets[name].empty]
-    left_out = [f"sheet {name!r}: no table of numbers" for name in empty]
+    read = [_sheet(name, sheet) for name, sheet in sheets.items() if not sheet.empty]
+    filled = [columns for columns in read if columns]
+    empty = [f"sheet {columns.name!r}: no table of numbers" for columns in read if not columns]
     # A single sheet under the name that a program gave it has none.
-    if len(filled) == 1 and all(map(_DEFAULT_SHEET.fullmatch, filled)):
-        filled = {"": filled.popitem()[1]}
-    return Tables(filled, left_out)
+    if len(filled) == 1 and _DEFAULT_SHEET.fullmatch(filled[0].name):
+        filled[0].name = ""
+    return [Columns(notes=empty), *filled]
 
 
-def _sheet(sheet: pd.DataFrame) -> Columns:
+def _sheet(name: str, sheet: pd.DataFrame) -> Columns:
     sheet = sheet.dropna(how="all").reset_index(drop=True)
-    columns = Columns()
+    columns = Columns(name=name)
     rows: list[list[str]] = sheet.iloc[:_MOST_HEAD].map(_written).to_numpy().tolist()
     last: list[list[str]] = sheet.iloc[-60:].map(_written).to_numpy().tolist()
     first = tables.first_numbers(rows, last)
     if first is not None:
-        for place, name in enumerate(tables.names_of(rows[:first], sheet.shape[1])):
-            tables.add_column(columns, name, sheet.iloc[first:, place], first + 1)
+        for place, head in enumerate(tables.names_of(rows[:first], sheet.shape[1])):
+            tables.add_column(columns, head, sheet.iloc[first:, place], first + 1)
     return columns
 
 
@@ -205,7 +201,11 @@ def _written(cell: Any) -> str:
     return "0" if hasattr(cell, "total_seconds") or hasattr(cell, "isoformat") else str(cell).strip()
 
 
-def _read_lvm(path: Path) -> Tables:
+def _read_text(path: Path) -> list[Columns]:
+    return [read_text_table(path)]
+
+
+def _read_lvm(path: Path) -> list[Columns]:
     """Read a LabVIEW measurement of one segment; where it has no times, they follow from its header."""
     with path.open(encoding="latin-1") as stream:
         head, _, _ = stream.read(2**16).rpartition(_END)
@@ -216,9 +216,8 @@ def _read_lvm(path: Path) -> Tables:
             )
     told = re.findall(r"^(X0|Delta_X)\t([-+\d.,eE]+)", head, re.MULTILINE)
     settings = {name: float(number.replace(",", ".")) for name, number in told}
-    (recorded,) = read_text_table(path).values()
-    columns = Columns()
-    columns.notes = recorded.notes
+    recorded = read_text_table(path)
+    columns = Columns(notes=recorded.notes)
     times = [name for name in recorded if re.match(r"X[_ ]Value", name)]
     step = settings.get("Delta_X", 0.0)
     if step and not times:
@@ -227,7 +226,7 @@ def _read_lvm(path: Path) -> Tables:
         columns.notes.append(f"times are made from Delta_X, {step:g} s")
     for name, values in recorded.items():
         columns.add("time" if name in times else name, values, "s" if name in times else "")
-    return Tables({"": columns})
+    return [columns]
 
 
 def _packaged(path: Path) -> dict[Path, tuple[str, dict[str, str]]]:
@@ -247,25 +246,25 @@ def _packaged(path: Path) -> dict[Path, tuple[str, dict[str, str]]]:
     return described
 
 
-def _read_package(path: Path) -> Tables:
+def _read_package(path: Path) -> list[Columns]:
     """Read the tables of a data package, as svgdigitizer writes them, with the units of its fields."""
     resources = _packaged(path)
     if not resources:
         raise Unreadable("a JSON file that is no data package with a table beside it")
-    read = Tables()
+    read = []
     for table, (name, units) in resources.items():
-        cells = read_text_table(table)[""]
-        columns = Columns()
-        columns.notes = cells.notes
+        cells = read_text_table(table)
+        inner = "" if len(resources) == 1 and name == path.stem else name
+        columns = Columns(name=inner, notes=cells.notes)
         for column, values in cells.items():
             # A curve is called y where its figure does not say more; then the table's name tells.
             said = name if column.casefold() in ("y", "value") else column
             columns.add(said, values, units.get(column, ""))
-        read["" if len(resources) == 1 and name == path.stem else name] = columns
+        read.append(columns)
     return read
 
 
-def _reader_of(path: Path) -> Callable[[Path], Tables]:
+def _reader_of(path: Path) -> Callable[[Path], list[Columns]]:
     """What reads a file, by its first bytes before its name."""
     with path.open("rb") as stream:
         head = stream.read(512)
@@ -282,5 +281,5 @@ def _reader_of(path: Path) -> Callable[[Path], Tables]:
     if suffix == ".json":
         return _read_package
     if suffix in _TEXTS | _BOOKS:
-        return _read_lvm if head.startswith(b"LabVIEW Measurement") else read_text_table
+        return _read_lvm if head.startswith(b"LabVIEW Measurement") else _read_text
     raise Unreadable(f"a format that is not read: {suffix or 'no suffix'}")

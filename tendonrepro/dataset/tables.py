@@ -43,16 +43,18 @@ class Columns(dict[str, Column]):
     """A table: columns of N rows by name, numbers or words; `notes` tell what was left out or read specially.
 
     `angle_unit` is that of angles and rates whose names say none, where the file states it. `name` is that of
-    the mapping: the file, and after a colon the sheet or struct. `file` has ``name``, ``size`` in bytes and
-    ``md5``.
+    the mapping: the file, and after a colon the sheet or struct, which is all that readers of files write.
+    `file` has ``name``, ``size`` in bytes and ``md5``. Without columns it tells what is in no table.
     """
 
-    name = ""
     angle_unit = ""
 
-    def __init__(self, columns: Mapping[str, Column] | Iterable[tuple[str, Column]] = ()) -> None:
-        super().__init__(columns)
-        self.notes: list[str] = []
+    def __init__(
+        self, columns: Mapping[str, Column] | None = None, name: str = "", notes: Iterable[str] = ()
+    ) -> None:
+        super().__init__(columns or {})
+        self.name = name
+        self.notes = [*notes]
         self.file: dict[str, str | int] = {}
 
     @property
@@ -86,14 +88,6 @@ def free_name(named: Container[str], name: str) -> str:
         number += 1
         free = f"{name} #{number}"
     return free
-
-
-class Tables(dict[str, Columns]):
-    """Tables of a file by their place in it, and lines on what is in none of them: `left_out`."""
-
-    def __init__(self, tables: Mapping[str, Columns] | None = None, left_out: Sequence[str] = ()) -> None:
-        super().__init__(tables or {})
-        self.left_out = [*left_out]
 
 
 def is_number(cell: str) -> bool:
@@ -200,17 +194,8 @@ def first_numbers(rows: Sequence[Sequence[str]], sample: Sequence[Sequence[str]]
         if _share(row, numbers, width) > 0.5 and all(
             _share(after, numbers, width) > 0.0 for after in rows[place + 1 : place + 3]
         ):
-            return _with_words(rows, place, numbers[0])
+            return place
     return None
-
-
-def _with_words(rows: Sequence[Sequence[str]], first: int, leading: int) -> int:
-    """First row, if those directly above begin like one, as with a time, but have words."""
-    width = len(rows[first])
-    has_header = any(len(row) == width and not any(map(is_number, row)) for row in rows[: first - 1])
-    while has_header and len(rows[first - 1]) == width and is_number(rows[first - 1][leading]):
-        first -= 1
-    return first
 
 
 def _share(row: Sequence[str], places: Sequence[int], width: int) -> float:
@@ -339,7 +324,7 @@ def by_joint(columns: Columns) -> Columns | None:
     joints, counts = np.unique(of_row, return_counts=True)
     if not is_whole or not 2 <= len(joints) <= _MOST_JOINTS:
         return None
-    wide = Columns()
+    wide = Columns(name=f"{columns.name}.{BY_JOINT}".strip("."))
     wide.angle_unit = columns.angle_unit
     clock = np.empty(0)
     for joint in dict.fromkeys(of_row.tolist()):

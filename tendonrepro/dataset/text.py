@@ -14,7 +14,7 @@ from typing import Any
 import pandas as pd
 
 from tendonrepro.dataset import tables
-from tendonrepro.dataset.tables import Columns, Tables, Unreadable
+from tendonrepro.dataset.tables import Columns, Unreadable
 
 _COMMENTS = ("#", "%", "//")
 _HEAD = 2**20
@@ -47,7 +47,7 @@ class Layout:
     angle_unit: str
 
 
-def read_text_table(path: Path) -> Tables:
+def read_text_table(path: Path) -> Columns:
     """Read a table, by whatever separator, decimal mark and encoding.
 
     Raises
@@ -72,7 +72,7 @@ def read_text_table(path: Path) -> Tables:
         frame = frame[~no_number]
     for k, name in enumerate(layout.names):
         tables.add_column(columns, name, frame[k])
-    return Tables({"": columns})
+    return columns
 
 
 def layout_of(path: Path) -> Layout:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import NamedTuple
@@ -117,9 +117,20 @@ class PrintedTables:
 
 
 def try_windows(file: TraceFile, paper: Published, timing: Mapping[str, Timing]) -> PrintedTables:
-    """Compare Tables 2 and 3 with measured errors, averaged in every way."""
+    """Compare Tables 2 and 3 with measured errors, averaged in every way that all runs reach, each once."""
     runs = {name: file.runs[name] for name in RUNS if name in file.runs and "e" in file.runs[name]}
-    every = [_tried(runs, paper, *way) for way in _ways(runs, timing)]
+    parts = {name: spans(trace.time, timing[name]) for name, trace in runs.items()}
+    windows: dict[str, dict[str, slice]] = {}
+    for window in next(iter(parts.values()), {}):
+        if all(window in part for part in parts.values()):
+            over = {name: part[window] for name, part in parts.items()}
+            if over not in windows.values():
+                windows[window] = over
+    every = [
+        _tried(runs, paper, window, over, removed)
+        for removed in (False, True)
+        for window, over in windows.items()
+    ]
     tried = [way for way in every if way.sizes] or [*PrintedTables.tried]
     left_out = {name: int((~np.isfinite(trace["e"])).any(axis=1).sum()) for name, trace in runs.items()}
     most = max(len(way.agree) for way in tried)
@@ -145,21 +156,6 @@ def spans(time: Array, timing: Timing) -> dict[str, slice]:
     if periods:
         named["whole_periods"] = slice(first, periods[-1].stop)
     return named | cut
-
-
-def _ways(
-    runs: Mapping[str, Trace], timing: Mapping[str, Timing]
-) -> Iterator[tuple[str, Mapping[str, slice], bool]]:
-    """Windows that every run reaches, each once, as it is and centred."""
-    parts = {name: spans(trace.time, timing[name]) for name, trace in runs.items()}
-    distinct: dict[tuple[tuple[int, int], ...], str] = {}
-    for window in next(iter(parts.values()), {}):
-        if all(window in part for part in parts.values()):
-            key = tuple((part[window].start, part[window].stop) for part in parts.values())
-            distinct.setdefault(key, window)
-    for removed in (False, True):
-        for window in distinct.values():
-            yield window, {name: part[window] for name, part in parts.items()}, removed
 
 
 def _tried(

@@ -28,7 +28,8 @@ OBJECTS = pytest.mark.parametrize("version", ["objects 7", "objects 7.3"])
 
 
 def written(folder, version, **variables):
-    return read_matlab(WRITERS[version](folder / "SYNTHETIC.mat", variables))
+    read = read_matlab(WRITERS[version](folder / "SYNTHETIC.mat", variables))
+    return {table.name: table for table in read if table}
 
 
 @NESTED
@@ -170,7 +171,8 @@ def test_signals_of_three_dimensions_are_columns(tmp_path):
 
 def test_what_is_no_signal_is_named(tmp_path):
     variables = {"q": WAVES, "gain": np.array([[3.0]]), "short": np.arange(3.0), "wide": np.ones((60, 50))}
-    lines = " ".join(read_matlab(WRITERS["7"](tmp_path / "SYNTHETIC.mat", variables)).left_out)
+    first, *_ = read_matlab(WRITERS["7"](tmp_path / "SYNTHETIC.mat", variables))
+    lines = " ".join(first.notes)
     assert all(name in lines for name in ("gain", "short (1×3)", "wide (60×50)"))
 
 

@@ -9,7 +9,7 @@ from tendonrepro.dataset.text import read_text_table
 def of_text(content, folder):
     path = folder / "SYNTHETIC.txt"
     path.write_bytes(content.encode() if isinstance(content, str) else content)
-    return read_text_table(path)[""]
+    return read_text_table(path)
 
 
 TABLE = {"t": [0.0, 1.0, 2.0], "q": [1.5, 2.5, 3.5]}

@@ -9,7 +9,7 @@ from support.measured_synthetic import CONTROLLERS, measured_trace
 from support.synthetic import make_compare_file, make_decouple_file
 
 from tendonrepro.results.figures.catalogue import FIGURES, draw
-from tendonrepro.validation.figures import draw_overlay, overlays
+from tendonrepro.validation.report import draw_overlay, overlays
 
 NAMES = [name for name in FIGURES if name != "fig06" and not name.startswith("joint_")]
 """None measured Figure 6, or joints beyond the third."""
