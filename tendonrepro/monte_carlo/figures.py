@@ -14,13 +14,7 @@ from matplotlib.ticker import MaxNLocator, NullLocator
 from tendonrepro.configuration.models.readings import PRINTED
 from tendonrepro.files import Json
 from tendonrepro.monte_carlo.shares import QUANTILES, RATIOS
-from tendonrepro.results.figures.style import (
-    PAGE_MM,
-    SERIES,
-    Drawing,
-    journal_style,
-    open_figure,
-)
+from tendonrepro.results.figures import style
 from tendonrepro.results.summary import CONTROLLERS
 
 _RATIO_NAMES: Mapping[str, str] = {"ratio_c1_c2": "C1/C2", "ratio_c2_c3": "C2/C3"}
@@ -38,7 +32,7 @@ _NAME = 48
 """Letters of a row's name on one line."""
 
 
-def ensemble_figures(summary: Json) -> dict[str, Callable[[], Drawing]]:
+def ensemble_figures(summary: Json) -> dict[str, Callable[[], style.Drawing]]:
     """Every population's ratios, by name of the figure; around an arm those of all pairs of runs."""
     if "around" in summary:
         (arms,) = summary["populations"].values()
@@ -47,7 +41,7 @@ def ensemble_figures(summary: Json) -> dict[str, Callable[[], Drawing]]:
     return {f"ratios_{name}": partial(draw_ratios, name, population) for name, population in populations}
 
 
-def draw_ratios(population: str, summary: Json) -> Drawing:
+def draw_ratios(population: str, summary: Json) -> style.Drawing:
     """Ratios of MAE under each reading, the printed ones, and those of slowly changing errors."""
     panels = list(product(RATIOS, summary["joints"]))
 
@@ -67,7 +61,7 @@ def draw_ratios(population: str, summary: Json) -> Drawing:
 
 
 def _draw_ratio(panel: Axes, readings: Sequence[Json], key: str, joint: str) -> None:
-    printed = SERIES[1]
+    printed = style.SERIES[1]
     ratios = [reading[key]["all_ok"]["mae"][joint] for reading in readings]
     for row, ratio in enumerate(ratios):
         if not ratio["plants"]:
@@ -90,7 +84,7 @@ def ratio_bar(
 
     A cross marks what errors that change slowly would give.
     """
-    colour = SERIES[0].colour
+    colour = style.SERIES[0].colour
     for width, (label, ends) in zip((0.7, 2.6), ranges.items(), strict=False):
         panel.plot(ends, [row, row], color=colour, linewidth=width, label=label)
     panel.plot(median, row, "o", color="white", markeredgecolor=colour, markersize=3.2, label="median")
@@ -133,12 +127,12 @@ def rows_figure(
     origin: str = "",
     *,
     sharex: bool = False,
-) -> Drawing:
+) -> style.Drawing:
     """Draw titled panels side by side over named rows, the first on top; the legend has each label once."""
-    with journal_style():
+    with style.journal_style():
         names = [_broken(row) for row in rows]
         row_mm = max(_ROW_MM, _LINE_MM * max(1 + name.count("\n") for name in names))
-        figure = open_figure(PAGE_MM, _FRAME_MM + max(row_mm * len(rows), _LEAST_MM))
+        figure = style.open_figure(style.PAGE_MM, _FRAME_MM + max(row_mm * len(rows), _LEAST_MM))
         axes = figure.subplots(1, len(titles), sharex=sharex, sharey=True, squeeze=False)[0]
         for panel, title in zip(axes, titles, strict=True):
             panel.set_title(title)
@@ -154,7 +148,7 @@ def rows_figure(
         figure.legend(marks.values(), marks.keys(), loc="outside upper center", ncols=len(marks))
         axes[0].set_ylim(len(rows) - 0.4, -0.6)
         axes[0].set_yticks(range(len(rows)), names, fontsize=6 if len(rows) > _FEW else 7)
-        return Drawing(stem, figure, tuple(axes), caption, origin=origin)
+        return style.Drawing(stem, figure, tuple(axes), caption, origin=origin)
 
 
 def _broken(name: str) -> str:
@@ -163,7 +157,7 @@ def _broken(name: str) -> str:
     return "\n".join(lines).replace("+ ", "+")
 
 
-def draw_pairs(population: Json, told: str) -> Drawing:
+def draw_pairs(population: Json, told: str) -> style.Drawing:
     """Ratios of errors, a panel for each pair of runs, a row for each joint and reading."""
     pairs = list(dict.fromkeys((row["run"], row["over"]) for row in population["pairs"]))
     rows = list(dict.fromkeys((row["reading"], row["joint"]) for row in population["pairs"]))

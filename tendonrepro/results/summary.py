@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from itertools import accumulate, pairwise
 from typing import Any, TypeAlias, TypedDict
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,22 +63,12 @@ def without_start_name(seconds: float) -> str:
     return f"after_{seconds:g}_s" if seconds > 0.0 else "whole"
 
 
-_known: WeakKeyDictionary[Trace, dict[str, Sizes]] = WeakKeyDictionary()
-"""Errors of runs that are in memory: several tables and the JSON show them."""
-
-
-def tracking_errors(trace: Trace) -> Mapping[str, Sizes]:
+def tracking_errors(trace: Trace) -> dict[str, Sizes]:
     """Sizes of `e`, as `sizes_deg`, by every window of `metrics.windows`, and without the start.
 
     Left out are the seconds that the configuration says, and `metrics.START`. A diverged run has NaN in
     windows that go on to its end.
     """
-    if trace not in _known:
-        _known[trace] = _tracking_errors(trace)
-    return _known[trace]
-
-
-def _tracking_errors(trace: Trace) -> dict[str, Sizes]:
     spans = windows(trace.time, trace.attributes["reference_period"])
     for seconds in (START, errors_from(trace)):
         span = without_start(trace.time, seconds)

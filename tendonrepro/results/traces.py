@@ -14,16 +14,7 @@ from numpy.typing import NDArray
 from tendonrepro.arrays import Array
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import atomic_path, refuse_existing, require_space, to_json, write_atomically
-from tendonrepro.results.records import (
-    RESERVED,
-    SCHEMA_VERSION,
-    VARIABLES,
-    Attributes,
-    PlantRecord,
-    PlantValue,
-    Trace,
-    TraceFile,
-)
+from tendonrepro.results import records
 
 if TYPE_CHECKING:
     import h5netcdf
@@ -43,7 +34,7 @@ _CHUNK = 2**17
 _ROOT = ("experiment", "source", "title", "config_yaml", "config_sha256")
 
 
-def write_traces(path: Path, file: TraceFile) -> None:
+def write_traces(path: Path, file: records.TraceFile) -> None:
     """Write a trace file, whole or not at all; a TendonreproError where it cannot be written.
 
     It is made in memory, since HDF5 ends the process where a disk is full.
@@ -52,20 +43,20 @@ def write_traces(path: Path, file: TraceFile) -> None:
 
     image = BytesIO()
     with h5netcdf.File(image, "w") as root:
-        root.attrs.update({"Conventions": "CF-1.11", "schema_version": SCHEMA_VERSION})
+        root.attrs.update({"Conventions": "CF-1.11", "schema_version": records.SCHEMA_VERSION})
         root.attrs.update({name: getattr(file, name) for name in _ROOT})
         for name in ("created", "tendonrepro_version"):
             root.attrs[name] = str(file.manifest.get(name, ""))
         root.attrs["manifest_json"] = to_json(file.manifest)
         for name, trace in file.runs.items():
             _write_run(root.create_group(name), trace)
-        _write_plant(root.create_group(RESERVED), file.plant)
+        _write_plant(root.create_group(records.RESERVED), file.plant)
     content = image.getvalue()
     require_space(path, len(content))
     write_atomically(path, content)
 
 
-def _write_run(group: h5netcdf.Group, trace: Trace) -> None:
+def _write_run(group: h5netcdf.Group, trace: records.Trace) -> None:
     group.attrs.update(_flat(trace.attributes))
     group.dimensions = {"time": len(trace.time), "joint": len(trace.joint)}
     _write_variable(group, "time", ("time",), trace.time, "s", "time", **_packed(trace.time))
@@ -81,7 +72,7 @@ def _packed(values: Array) -> dict[str, object]:
     return {**_COMPRESSION, "chunks": chunks} if values.size else {}
 
 
-def _write_plant(group: h5netcdf.Group, plant: PlantRecord) -> None:
+def _write_plant(group: h5netcdf.Group, plant: records.PlantRecord) -> None:
     """Its values, with dimensions named by their sizes."""
     group.attrs.update(plant.attributes)
     for name, item in plant.values.items():
@@ -109,7 +100,7 @@ def _write_variable(
     return variable
 
 
-def dataset_of(trace: Trace) -> xr.Dataset:
+def dataset_of(trace: records.Trace) -> xr.Dataset:
     """One run as an xarray dataset with the dimensions ``time`` and ``joint``."""
     import xarray as xr
 
@@ -124,14 +115,14 @@ def dataset_of(trace: Trace) -> xr.Dataset:
     return xr.Dataset(variables, coordinates, _flat(trace.attributes))
 
 
-def _flat(attributes: Attributes) -> dict[str, object]:
+def _flat(attributes: records.Attributes) -> dict[str, object]:
     plain = {name: value for name, value in attributes.items() if name not in _NESTED}
     for name, prefix in _NESTED.items():
         plain |= {prefix + key: value for key, value in attributes.get(name, {}).items()}
     return plain
 
 
-def read_traces(source: Path) -> TraceFile:
+def read_traces(source: Path) -> records.TraceFile:
     """Read a trace file, or that of a results folder, bit for bit.
 
     Raises
@@ -156,14 +147,15 @@ def read_traces(source: Path) -> TraceFile:
         raise DataMissingError(message, where=str(path), hint=hint) from error
 
 
-def _file_of(root: h5netcdf.File) -> TraceFile:
+def _file_of(root: h5netcdf.File) -> records.TraceFile:
     version = int(root.attrs["schema_version"])
-    if version != SCHEMA_VERSION:
-        message = f"its layout has version {version}, this tendonrepro reads version {SCHEMA_VERSION}"
+    if version != records.SCHEMA_VERSION:
+        message = f"its layout has version {version}, this tendonrepro reads version {records.SCHEMA_VERSION}"
         raise ValueError(message)
     attributes, manifest = {name: root.attrs[name] for name in _ROOT}, json.loads(root.attrs["manifest_json"])
-    runs = {name: _trace_of(name, group) for name, group in root.groups.items() if name != RESERVED}
-    file = TraceFile(**attributes, runs=runs, plant=_plant_of(root[RESERVED]), manifest=manifest)
+    runs = {name: _trace_of(name, group) for name, group in root.groups.items() if name != records.RESERVED}
+    plant = _plant_of(root[records.RESERVED])
+    file = records.TraceFile(**attributes, runs=runs, plant=plant, manifest=manifest)
     if not all("printed_row" in run.attributes for run in runs.values()):
         # Before 28 November 2026 runs did not carry what they are.
         from tendonrepro.results.paper import with_what_they_are
@@ -172,13 +164,13 @@ def _file_of(root: h5netcdf.File) -> TraceFile:
     return file
 
 
-def _trace_of(name: str, group: h5netcdf.Group) -> Trace:
+def _trace_of(name: str, group: h5netcdf.Group) -> records.Trace:
     variables = {key: item[...] for key, item in group.variables.items()}
     time, joint = variables.pop("time"), tuple(variables.pop("joint").tolist())
-    return Trace(name, time, joint, variables, _attributes_of(group))
+    return records.Trace(name, time, joint, variables, _attributes_of(group))
 
 
-def _attributes_of(group: h5netcdf.Group) -> Attributes:
+def _attributes_of(group: h5netcdf.Group) -> records.Attributes:
     # NumPy's scalars and arrays become the plain numbers and lists they were written from.
     plain = {key: value.tolist() if hasattr(value, "tolist") else value for key, value in group.attrs.items()}
     nested = {
@@ -192,14 +184,14 @@ def _attributes_of(group: h5netcdf.Group) -> Attributes:
     return plain | nested
 
 
-def _plant_of(group: h5netcdf.Group) -> PlantRecord:
+def _plant_of(group: h5netcdf.Group) -> records.PlantRecord:
     values = {
-        name: PlantValue(
+        name: records.PlantValue(
             np.asarray(item[...]), *(item.attrs[key] for key in ("units", "source", "long_name"))
         )
         for name, item in group.variables.items()
     }
-    return PlantRecord(values, dict(group.attrs))
+    return records.PlantRecord(values, dict(group.attrs))
 
 
 def export_traces(source: Path, form: str, out: Path | None = None, *, force: bool = False) -> Path:
@@ -242,7 +234,7 @@ def export_traces(source: Path, form: str, out: Path | None = None, *, force: bo
     return target
 
 
-def _table(file: TraceFile) -> DataFrame:
+def _table(file: records.TraceFile) -> DataFrame:
     """A row per run, sample and joint; what a run does not hold is missing there."""
     import pandas as pd
 
@@ -250,7 +242,7 @@ def _table(file: TraceFile) -> DataFrame:
     return pd.concat(runs, names=["run"]).reset_index()
 
 
-def _write_mat(file: TraceFile, path: Path) -> None:
+def _write_mat(file: records.TraceFile, path: Path) -> None:
     from scipy.io import savemat
 
     content = {
@@ -258,5 +250,5 @@ def _write_mat(file: TraceFile, path: Path) -> None:
         | {key: trace.attributes[key] for key in ("law", "status", "payload_mass")}
         for name, trace in file.runs.items()
     }
-    content["units"] = {"time": "s"} | {name: unit for name, (unit, _) in VARIABLES.items()}
+    content["units"] = {"time": "s"} | {name: unit for name, (unit, _) in records.VARIABLES.items()}
     savemat(str(path), content, long_field_names=True, do_compression=True, oned_as="column")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from dataclasses import replace
 from functools import cache
@@ -547,17 +546,6 @@ def test_a_figure_that_does_not_exist_or_of_the_other_experiment_is_refused() ->
 
 
 # --- files -------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.pictures
-def test_a_date_of_the_environment_changes_no_figure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    written = []
-    for date in ("0", "abc"):
-        monkeypatch.setenv("SOURCE_DATE_EPOCH", date)
-        paths = save_drawing(draw(9, decouple_file()), tmp_path, ("pdf", "svg"))
-        written.append([path.read_bytes() for path in paths])
-        assert os.environ["SOURCE_DATE_EPOCH"] == date
-    assert written[0] == written[1]
 
 
 @pytest.mark.pictures

@@ -21,24 +21,8 @@ from tendonrepro.arrays import Array
 from tendonrepro.console import Talk
 from tendonrepro.errors import DataMissingError, UsageError
 from tendonrepro.files import Json, atomic_path, refuse_existing
-from tendonrepro.physics.statics import (
-    TendonPath,
-    joint_positions,
-    path_points,
-    sign_of_side,
-    tendon_path,
-    tensioner_side,
-)
-from tendonrepro.results.figures.style import (
-    PAGE_MM,
-    Look,
-    imprint,
-    journal_style,
-    open_figure,
-    settle,
-    stroke_of,
-    thin,
-)
+from tendonrepro.physics import statics
+from tendonrepro.results.figures import style
 from tendonrepro.results.paper import origin_of
 from tendonrepro.results.records import PlantRecord, Trace, TraceFile
 from tendonrepro.results.summary import tensions
@@ -91,7 +75,7 @@ def animate(
     scene = scene_of(file, run)
     places = _places(scene.trace.time, speed)
     film = []
-    with journal_style(), talk.bar(f"{name}: pictures", len(places)) as advance:
+    with style.journal_style(), talk.bar(f"{name}: pictures", len(places)) as advance:
         figure, show = draw_scene(scene, origin_of(file))
         figure.set_dpi(_DPI)
         canvas: Any = figure.canvas
@@ -126,7 +110,7 @@ class Scene:
 
     trace: Trace
     joints: Array
-    paths: Sequence[TendonPath]
+    paths: Sequence[statics.TendonPath]
     tension: Array
 
 
@@ -161,7 +145,7 @@ def scene_of(file: TraceFile, name: str | None = None) -> Scene:
 
 def draw_scene(scene: Scene, origin: str) -> tuple[Figure, Callable[[int], None]]:
     """Draw a scene, and return what brings it to one of its samples."""
-    figure = open_figure(PAGE_MM, 90.0)
+    figure = style.open_figure(style.PAGE_MM, 90.0)
     panels = figure.subplot_mosaic([["arm", "q_encoder"], ["arm", "e"]], width_ratios=(1.35, 1.0))
     arm, time = panels["arm"], scene.trace.time
     top = max(float(np.nanmax(scene.tension, initial=0.0)), 1.0)
@@ -178,7 +162,7 @@ def draw_scene(scene: Scene, origin: str) -> tuple[Figure, Callable[[int], None]
     cursors = [_draw_curves(panels[name], scene, name, label) for name, label in labels.items()]
     panels["q_encoder"].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
     panels["e"].set_xlabel("Time (s)")
-    imprint(figure, origin)
+    style.imprint(figure, origin)
 
     def show(place: int) -> None:
         arm.set_title(f"Run {scene.trace.name}, t = {time[place]:.2f} s")
@@ -187,13 +171,13 @@ def draw_scene(scene: Scene, origin: str) -> tuple[Figure, Callable[[int], None]
         for disc, centre in zip(discs, centres, strict=True):
             disc.set_center(tuple(centre))
         for line, path, force in zip(tendons, scene.paths, scene.tension[place], strict=True):
-            line.set_data(*path_points(path, place).T)
+            line.set_data(*statics.path_points(path, place).T)
             line.set(color=colours.to_rgba(force))
         for cursor in cursors:
             cursor.set_xdata([time[place]] * 2)
 
     show(0)
-    settle(figure)
+    style.settle(figure)
     return figure, show
 
 
@@ -202,8 +186,8 @@ def _draw_curves(axes: Axes, scene: Scene, name: str, label: str) -> Line2D:
     trace = scene.trace
     axes.set_ylabel(label)
     for place, joint in enumerate(trace.joint):
-        x, y = thin(trace.time, np.rad2deg(trace[name][:, place]))
-        axes.plot(x, y, **stroke_of(joint).line, label=f"Joint {joint}")
+        x, y = style.thin(trace.time, np.rad2deg(trace[name][:, place]))
+        axes.plot(x, y, **style.stroke_of(joint).line, label=f"Joint {joint}")
     axes.set_xlim(trace.time[0], max(trace.time[-1], trace.time[0] + 1e-3))
     return axes.axvline(trace.time[0], color="#444444", linewidth=0.7)
 
@@ -218,10 +202,10 @@ def postures(plant: PlantRecord, trace: Trace) -> tuple[Array, Array]:
     q = np.zeros((len(trace.time), len(length)))
     q[:, np.array(trace.joint) - 1] = trace["q_encoder"]
     angle = np.cumsum(start + q, axis=1)
-    return joint_positions(length, angle), angle
+    return statics.joint_positions(length, angle), angle
 
 
-def tendon_paths(plant: PlantRecord, joints: Array, angle: Array) -> list[TendonPath]:
+def tendon_paths(plant: PlantRecord, joints: Array, angle: Array) -> list[statics.TendonPath]:
     """Tendons, the tensioner last, from their motors' winches, below joint 1, to the joints they turn.
 
     `joints` and `angle` are as `postures` gives them.
@@ -237,7 +221,7 @@ def tendon_paths(plant: PlantRecord, joints: Array, angle: Array) -> list[Tendon
     # The tensioner's winch is not published; that of the last motor stands for it.
     winch = np.append(winch, winch[-1])
     side = np.column_stack(
-        [np.triu(sign_of_side(sign)), tensioner_side(plant.attributes["tensioner_side"], n)]
+        [np.triu(statics.sign_of_side(sign)), statics.tensioner_side(plant.attributes["tensioner_side"], n)]
     )
     diameter = side * np.column_stack([pulley, tensioner])
     (first, step), height = _WINCHES
@@ -248,18 +232,18 @@ def tendon_paths(plant: PlantRecord, joints: Array, angle: Array) -> list[Tendon
         centre = np.concatenate([base, joints[:, : last + 1]], axis=1)
         radius = np.append(winch[tendon], diameter[: last + 1, tendon]) / 2.0
         # It is fixed where the axis of its link leaves its circle.
-        paths.append(tendon_path(centre, radius, -np.pi / 2.0 - angle[:, last]))
+        paths.append(statics.tendon_path(centre, radius, -np.pi / 2.0 - angle[:, last]))
     return paths
 
 
 def draw_links(axes: Axes, places: Array, colour: str = "#D8D8D8") -> Line2D:
     """Draw a chain of links through places (N + 1, 2), m, below its tendons."""
-    look: Look = {"linewidth": 7.0, "solid_joinstyle": "round", "zorder": 2.0}
+    look: style.Look = {"linewidth": 7.0, "solid_joinstyle": "round", "zorder": 2.0}
     return axes.plot(*places.T, color=colour, **look)[0]
 
 
 def draw_arm(
-    axes: Axes, joints: Array, paths: Sequence[TendonPath], place: int = 0
+    axes: Axes, joints: Array, paths: Sequence[statics.TendonPath], place: int = 0
 ) -> tuple[Line2D, list[Circle]]:
     """Draw an arm in one of its postures, and return its links, and winches and pulleys.
 

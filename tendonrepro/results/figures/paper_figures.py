@@ -14,19 +14,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import FIRST, SECOND
 from tendonrepro.physics.metrics import mae, max_abs, rmse, window_mean
 from tendonrepro.physics.statics import path_points
-from tendonrepro.results.figures import arm
-from tendonrepro.results.figures.style import (
-    COLUMN_MM,
-    PAGE_MM,
-    REFERENCE,
-    Band,
-    Look,
-    Sheet,
-    Stroke,
-    paler,
-    stroke_of,
-    strokes_of,
-)
+from tendonrepro.results.figures import arm, style
 from tendonrepro.results.paper import of_paper
 from tendonrepro.results.records import VARIABLES, Trace, TraceFile
 from tendonrepro.results.summary import run_title
@@ -68,18 +56,18 @@ _BANDS = f"mean over {MEAN_WINDOW * 1e3:g} ms ± RMS of the samples about it; gr
 _EXPECTED = 0.62
 # A bound up to this many times as high as the curves is said in their panel.
 _NEAR = 2.0
-_REMARK: Look = {"loc": "right", "fontsize": "small", "linespacing": 1.35}
+_REMARK: style.Look = {"loc": "right", "fontsize": "small", "linespacing": 1.35}
 """A title at the right above a panel."""
 
 
-def draw_pull(file: TraceFile, traces: list[Trace]) -> Sheet:
+def draw_pull(file: TraceFile, traces: list[Trace]) -> style.Sheet:
     """Figure 6: the arm before and after motor 1 alone has turned, and the angles on the way."""
     (trace,) = traces
     labels = [[(f"{name}s", f"{name} angle (deg)")] for name in _ANGLES.values()]
     turned = _shown(trace, "q_motor_encoder", 1)
     last = int(np.nanargmax(np.abs(turned - turned[0])))
     titles = ["Start", f"Motor 1 turned {turned[last] - turned[0]:.0f}°"]
-    sheet = Sheet(PAGE_MM, 78.0, labels, beside=titles)
+    sheet = style.Sheet(style.PAGE_MM, 78.0, labels, beside=titles)
     for letter, variable in zip(sheet.axes, _ANGLES, strict=True):
         _draw_angles(sheet, letter, trace, variable, "Motor/joint")
     sheet.axes["d"].set_title(_slope(file, trace), **_REMARK)
@@ -99,48 +87,48 @@ def _draw_postures(panels: list[Axes], file: TraceFile, trace: Trace, places: li
             arm.draw_links(axes, joints[0], "#F0F0F0")
         arm.draw_arm(axes, joints, paths, place)
         for number, path in enumerate(paths, start=1):
-            axes.plot(*path_points(path, place).T, **stroke_of(number).line, zorder=4.0)
+            axes.plot(*path_points(path, place).T, **style.stroke_of(number).line, zorder=4.0)
         axes.set_anchor("N")
     turned = np.rad2deg(np.diff(angle, axis=1, prepend=0.0))
     turned = turned[1] - turned[0]
     if of_paper(file) and turned[0] * turned[1] > 0.0:
         start = joints[1, 1]
         ends = np.array([start, start + joints[0, 2] - joints[0, 1]])
-        look: Look = {"color": "black", "linestyle": (0.0, (2.0, 1.5)), "linewidth": 1.3, "zorder": 5.0}
+        look: style.Look = {"color": "black", "linestyle": (0.0, (2.0, 1.5)), "linewidth": 1.3, "zorder": 5.0}
         panels[-1].plot(*ends.T, **look, label="Link 2 in section 3.1, where joint 2 turns back")
         words = f"joint 1 turned {turned[0]:+.0f}°\njoint 2 turned {turned[1]:+.0f}°, the same way"
-        at: Look = {"transform": panels[-1].transAxes, "ha": "center", "va": "top", "fontsize": "small"}
+        at: style.Look = {"transform": panels[-1].transAxes, "ha": "center", "va": "top", "fontsize": "small"}
         panels[-1].text(0.5, 0.0, words, **at)
 
 
-def draw_motor_angles(_file: TraceFile, traces: list[Trace]) -> Sheet:
+def draw_motor_angles(_file: TraceFile, traces: list[Trace]) -> style.Sheet:
     """Figure 9: angles of all motors."""
     (trace,) = traces
-    sheet = Sheet(COLUMN_MM, 58.0, [[("Motors", "Motor angle (deg)")]])
+    sheet = style.Sheet(style.COLUMN_MM, 58.0, [[("Motors", "Motor angle (deg)")]])
     _draw_angles(sheet, "a", trace, "q_motor_encoder", "Motor")
     return sheet
 
 
-def _draw_angles(sheet: Sheet, letter: str, trace: Trace, variable: str, called: str) -> None:
+def _draw_angles(sheet: style.Sheet, letter: str, trace: Trace, variable: str, called: str) -> None:
     """Draw the angles of all motors or joints, in the legend as they are `called`."""
     for joint in trace.joint:
         values, name = _shown(trace, variable, joint), f"{_ANGLES[variable]} {joint}"
-        sheet.curve(letter, name, trace.time, values, stroke_of(joint), label=f"{called} {joint}")
+        sheet.curve(letter, name, trace.time, values, style.stroke_of(joint), label=f"{called} {joint}")
 
 
-def draw_joint(file: TraceFile, traces: list[Trace], *, joint: int) -> Sheet:
+def draw_joint(file: TraceFile, traces: list[Trace], *, joint: int) -> style.Sheet:
     """Figures 10 to 12, and further joints: an angle by motors and by encoder, and their difference."""
     (trace,) = traces
     labels = [[(f"Joint {joint}", "Joint angle (deg)")], [("Calculated − encoder", "Difference (deg)")]]
-    sheet = Sheet(COLUMN_MM, 92.0, labels)
+    sheet = style.Sheet(style.COLUMN_MM, 92.0, labels)
     calculated, encoder = (_shown(trace, name, joint) for name in ("q_calculated", "q_encoder"))
     _leave_room(sheet.axes["a"], trace, joint)
-    sheet.curve("a", "Encoder", trace.time, encoder, REFERENCE, label=f"Encoder ({file.source})")
+    sheet.curve("a", "Encoder", trace.time, encoder, style.REFERENCE, label=f"Encoder ({file.source})")
     label = r"Calculated, $S\,q_\mathrm{motor}$"
-    sheet.curve("a", "Calculated", trace.time, calculated, stroke_of(1), label=label)
+    sheet.curve("a", "Calculated", trace.time, calculated, style.stroke_of(1), label=label)
     sheet.zero_line("b")
     difference = calculated - encoder
-    sheet.curve("b", "Difference", trace.time, difference, stroke_of(1))
+    sheet.curve("b", "Difference", trace.time, difference, style.stroke_of(1))
     step = _step_of(encoder)
     steps = f"encoder step {step:.2g}°\n" if step else ""
     sheet.axes["b"].set_title(f"{steps}MAE {rounded(float(mae(difference)), '.4f')}°", **_REMARK)
@@ -174,26 +162,26 @@ def _shown(trace: Trace, variable: str, joint: int) -> Array:
     return np.rad2deg(values) if VARIABLES[variable][0] == "rad" else values
 
 
-def draw_motors(file: TraceFile, traces: list[Trace]) -> Sheet:
+def draw_motors(file: TraceFile, traces: list[Trace]) -> style.Sheet:
     """Figure 13: motor angles from measured and from desired joint angles, and their difference."""
     (trace,) = traces
     titles = "Motors, $S^{-1}$ × joint angles", "By encoder − expected"
     labels = [[(titles[0], "Motor angle (deg)")], [(titles[1], "Difference (deg)")]]
-    sheet = Sheet(COLUMN_MM, 98.0, labels)
+    sheet = style.Sheet(style.COLUMN_MM, 98.0, labels)
     S_inv = file.plant.matrix("S_inv", trace.joint)
     desired, measured = (np.rad2deg(trace[name] @ S_inv.T) for name in ("q_d", "q_encoder"))
     sheet.axes["a"].set_title(controller_runs(traces)[0].label.replace(" (", "\n("), **_REMARK)
     sheet.zero_line("b")
     for column, motor in enumerate(trace.joint):
-        name, stroke = f"Motor {motor}", stroke_of(motor)
-        wide = replace(REFERENCE, colour=paler(stroke.colour, _EXPECTED))
+        name, stroke = f"Motor {motor}", style.stroke_of(motor)
+        wide = replace(style.REFERENCE, colour=style.paler(stroke.colour, _EXPECTED))
         sheet.curve("a", f"{name} desired", trace.time, desired[:, column], wide, label=f"{name}, expected")
         sheet.curve("a", name, trace.time, measured[:, column], stroke, label=f"{name}, by encoder")
         sheet.curve("b", name, trace.time, measured[:, column] - desired[:, column], stroke)
     return sheet
 
 
-def draw_tracking(file: TraceFile, traces: list[Trace]) -> Sheet:
+def draw_tracking(file: TraceFile, traces: list[Trace]) -> style.Sheet:
     """Figure 14, a column a joint: trajectories, errors, and these less those of Controller 2."""
     runs = controller_runs(traces)
     # Where there is no Controller 2 to the end, another one stands for it.
@@ -201,22 +189,22 @@ def draw_tracking(file: TraceFile, traces: list[Trace]) -> Sheet:
     return _tracking(file, runs, whole[0] if whole else None, f"of {whole[0].name}" if whole else "")
 
 
-def draw_payload(file: TraceFile, traces: list[Trace]) -> Sheet:
+def draw_payload(file: TraceFile, traces: list[Trace]) -> style.Sheet:
     """Figure 16, as 14: Controller 1 without and with a payload."""
     runs = []
     for trace in traces:
         mass = float(trace.attributes["payload_mass"])
         load = f"{mass:g} kg payload" if mass else "no payload"
-        runs.append(DrawnRun(trace, f"Controller 1, {load}", strokes_of(())[trace.name]))
+        runs.append(DrawnRun(trace, f"Controller 1, {load}", style.strokes_of(())[trace.name]))
     free = next((run for run in runs if run.trace.name == FIRST and not run.diverged), None)
     return _tracking(file, runs, free, "without payload")
 
 
-def draw_law(_file: TraceFile, traces: list[Trace]) -> Sheet:
+def draw_law(_file: TraceFile, traces: list[Trace]) -> style.Sheet:
     """Figure 15, a column a joint: s, H_hat and tau_m as means and bands."""
     runs = controller_runs(traces)
     joints = joints_of(runs)
-    sheet = Sheet(PAGE_MM, 140.0, _labels(_LAW, joints))
+    sheet = style.Sheet(style.PAGE_MM, 140.0, _labels(_LAW, joints))
     far: list[str] = []
     for (letter, axes), (variable, joint) in zip(sheet.axes.items(), product(_LAW, joints), strict=True):
         sheet.zero_line(letter)
@@ -238,11 +226,11 @@ def draw_law(_file: TraceFile, traces: list[Trace]) -> Sheet:
     return sheet
 
 
-def draw_samples(_file: TraceFile, traces: list[Trace]) -> Sheet:
+def draw_samples(_file: TraceFile, traces: list[Trace]) -> style.Sheet:
     """Raw samples of s and tau_m over a short span, a column a joint; a torque is held until the next one."""
     runs = controller_runs(traces)
     joints = joints_of(runs)
-    sheet = Sheet(PAGE_MM, 104.0, _labels(_SAMPLES, joints), shared="col")
+    sheet = style.Sheet(style.PAGE_MM, 104.0, _labels(_SAMPLES, joints), shared="col")
     for (letter, axes), (variable, joint) in zip(sheet.axes.items(), product(_SAMPLES, joints), strict=True):
         start, end = _near(runs, joint)
         sheet.zero_line(letter)
@@ -254,7 +242,7 @@ def draw_samples(_file: TraceFile, traces: list[Trace]) -> Sheet:
             # One that diverged before has no end to mark.
             diverged = run.diverged and inside.any() and time[-1] <= end
             values = run.values(variable, joint)[inside]
-            look: Look = {"label": run.label, "diverged": diverged, "as_steps": True}
+            look: style.Look = {"label": run.label, "diverged": diverged, "as_steps": True}
             sheet.curve(letter, run.name, time[inside], values, run.stroke, **look)
     return sheet
 
@@ -289,7 +277,7 @@ class DrawnRun:
 
     trace: Trace
     name: str
-    stroke: Stroke
+    stroke: style.Stroke
 
     @property
     def label(self) -> str:
@@ -308,7 +296,7 @@ class DrawnRun:
 
 def controller_runs(traces: list[Trace]) -> list[DrawnRun]:
     """Runs with their names and strokes."""
-    strokes = strokes_of(trace.name for trace in traces)
+    strokes = style.strokes_of(trace.name for trace in traces)
     return [DrawnRun(trace, run_title(trace), strokes[trace.name]) for trace in traces]
 
 
@@ -322,7 +310,7 @@ def joints_of(runs: list[DrawnRun]) -> list[int]:
     return sorted({joint for run in runs for joint in run.trace.joint})
 
 
-def _tracking(file: TraceFile, runs: list[DrawnRun], base: DrawnRun | None, whose: str) -> Sheet:
+def _tracking(file: TraceFile, runs: list[DrawnRun], base: DrawnRun | None, whose: str) -> style.Sheet:
     """Angles and errors of runs; below, where any can be compared, sizes of errors less those of `base`."""
     joints = joints_of(runs)
     # All errors are drawn in one way, so that panels can be compared.
@@ -332,7 +320,7 @@ def _tracking(file: TraceFile, runs: list[DrawnRun], base: DrawnRun | None, whos
     larger = {joint: _larger(runs, comparable, joint) for joint in joints} if comparable else {}
     compared = any(larger.values())
     rows = _TRACKING | ({_LARGER: f"$|e|$ less that\n{whose} (deg)"} if compared else {})
-    sheet = Sheet(PAGE_MM, 145.0 if compared else 110.0, _labels(rows, joints))
+    sheet = style.Sheet(style.PAGE_MM, 145.0 if compared else 110.0, _labels(rows, joints))
     for (letter, axes), (variable, joint) in zip(sheet.axes.items(), product(rows, joints), strict=True):
         if variable != "q_encoder":
             sheet.zero_line(letter)
@@ -340,7 +328,7 @@ def _tracking(file: TraceFile, runs: list[DrawnRun], base: DrawnRun | None, whos
             longest = max(holding, key=lambda run: run.trace.time[-1])
             desired = longest.values("q_d", joint)
             _leave_room(axes, longest.trace, joint)
-            sheet.curve(letter, "Desired", longest.trace.time, desired, REFERENCE, label="Desired")
+            sheet.curve(letter, "Desired", longest.trace.time, desired, style.REFERENCE, label="Desired")
         if variable != _LARGER:
             _curves(sheet, letter, runs, variable, joint, averaged=averaged and variable == "e")
             continue
@@ -387,7 +375,7 @@ def _leave_room(axes: Axes, trace: Trace, joint: int) -> None:
 
 
 def _curves(
-    sheet: Sheet, letter: str, runs: list[DrawnRun], variable: str, joint: int, *, averaged: bool
+    sheet: style.Sheet, letter: str, runs: list[DrawnRun], variable: str, joint: int, *, averaged: bool
 ) -> None:
     """Draw a variable of every run, as it is or as a mean over the band of its ripple."""
     bands = {}
@@ -396,7 +384,7 @@ def _curves(
         if averaged:
             time, values, ripple = averaged_curve(time, values)
             if not run.diverged:
-                bands[run.name] = Band(time, values - ripple, values + ripple, run.stroke)
+                bands[run.name] = style.Band(time, values - ripple, values + ripple, run.stroke)
         sheet.curve(letter, run.name, time, values, run.stroke, label=run.label, diverged=run.diverged)
     sheet.draw_bands(letter, bands)
 

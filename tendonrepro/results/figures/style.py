@@ -5,9 +5,7 @@ A figure is drawn under `journal_style`, from `open_figure` to a `Drawing`; the 
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from io import BytesIO
@@ -403,7 +401,7 @@ def save_drawing(drawn: Drawing, folder: Path, formats: Sequence[str] = DRAWN) -
     # Neither a date nor a version, so that the same gives the same bytes.
     metadata: dict[str, dict[str, None]] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}
     paths = [folder / f"{drawn.stem}.{suffix}" for suffix in formats]
-    with journal_style(), _without_date():
+    with journal_style():
         if drawn.origin and not drawn.figure.get_supxlabel():
             imprint(drawn.figure, drawn.origin)
         settle(drawn.figure)
@@ -417,17 +415,6 @@ def save_drawing(drawn: Drawing, folder: Path, formats: Sequence[str] = DRAWN) -
     told, origin = folder / f"{drawn.stem}.txt", f"{drawn.origin}; " if drawn.origin else ""
     write_atomically(told, f"{drawn.caption}\n\n{origin}drawn by tendonrepro {__version__}.\n")
     return [*paths, told]
-
-
-@contextmanager
-def _without_date() -> Iterator[None]:
-    """Hide a date of the environment from matplotlib: figures hold none, and it might not be one."""
-    date = os.environ.pop("SOURCE_DATE_EPOCH", None)
-    try:
-        yield
-    finally:
-        if date is not None:
-            os.environ["SOURCE_DATE_EPOCH"] = date
 
 
 def save_drawn(asked: tuple[Callable[[], Drawing], Path, Sequence[str]]) -> list[Path]:
