@@ -86,7 +86,7 @@ REPEATED, REPEATS, MOVED = 100, 4, 1e-6
 def scatter_of_repeats(ensemble: EnsembleData) -> dict[str, float]:
     """Relative scatter of a run's errors as published: median, nine of ten, root mean square; and that of RMSE over MAE."""
     study = load_study(None, (), None, PRINTED)
-    box = study.populations["box"]
+    box = study.population
     stable = np.logical_and.reduce([ensemble.status(run, PRINTED) == OK for run in RUNS])
     values = np.repeat(ensemble.draws[np.flatnonzero(stable)[:REPEATED]], REPEATS, axis=0)
     masses = [place for place, name in enumerate(box.names) if "mass" in name]

@@ -56,10 +56,8 @@ def published_study() -> EnsembleStudy:
 
 
 def preliminary(study: EnsembleStudy) -> Preliminary:
-    """Run the first population of a study under its first reading."""
-    first = next(iter(study.populations))
-    pieces = [piece for piece in study.pieces(DRAWS) if piece.population == first]
-    records = np.concatenate([evaluated(study, piece)[1] for piece in pieces])
+    """Run the plants of a study under its first reading."""
+    records = np.concatenate([evaluated(study, piece)[1] for piece in study.pieces(DRAWS)])
     places = [study.lookup[run, study.readings[0].name] for run in RUNS]
     sizes = np.stack([records[metric][:, places] for metric in METRICS], axis=2).astype(np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -71,8 +69,7 @@ def preliminary(study: EnsembleStudy) -> Preliminary:
 def rounded(study: EnsembleStudy, values: Array) -> Array:
     """A sample (P,) of two significant digits in the unit that each range is written in."""
     rows = dict(study.loaded.config.box)
-    box = next(iter(study.populations.values()))
-    scales = [to_si(1.0, getattr(rows[name], "unit", "1")) for name in box.names]
+    scales = [to_si(1.0, getattr(rows[name], "unit", "1")) for name in study.population.names]
     return np.array([_two_digits(value / scale) * scale for value, scale in zip(values, scales, strict=True)])
 
 
@@ -88,8 +85,8 @@ def typical_sections(study: EnsembleStudy, sample: Preliminary) -> Tree:
     TendonreproError
         If it is not stable any more.
     """
-    values, box = rounded(study, sample.typical()), next(iter(study.populations.values()))
-    config = box.configured(values)
+    values = rounded(study, sample.typical())
+    config = study.population.configured(values)
     named = dict(build_loops(config, study.loaded.base.folder))
     if (simulate_batch([named[run] for run in RUNS]).status != STATUSES.index("ok")).any():
         message = "rounded to two digits the typical plant is no longer stable"

@@ -21,7 +21,7 @@ from tendonrepro.configuration.published import COMPARED
 from tendonrepro.configuration.quantity import Ends, Scalar, positive, whole
 from tendonrepro.configuration.rows import held_values
 from tendonrepro.configuration.strict_model import Identifier, Mistakes, Model, SchemaVersion, explain
-from tendonrepro.configuration.strict_yaml import Key, Node, Tree
+from tendonrepro.configuration.strict_yaml import Node, Tree
 from tendonrepro.errors import ConfigError, UsageError, did_you_mean
 from tendonrepro.physics.trajectory import trapezoid_times
 
@@ -77,7 +77,7 @@ class PopulationConfig(Model):
     """Draws in which rows of some confidences vary and the others stay nominal."""
 
     confidences: Annotated[tuple[Confidence, ...], Field(min_length=1)]
-    share: Annotated[Scalar, positive("1", "draws over the number asked for, a power of two", at_most=1.0)]
+    share: Annotated[Scalar, positive("1", "draws over the number asked for: 1", at_most=1.0)]
 
 
 class EnsembleConfig(Model):
@@ -101,13 +101,11 @@ class EnsembleConfig(Model):
     box: BoxConfig
 
     def _mistakes(self) -> Mistakes:
-        powers: dict[Key, Scalar] = {("block",): self.block}
-        powers |= {
-            ("populations", name, "share"): population.share for name, population in self.populations.items()
-        }
-        for path, quantity in powers.items():
-            if math.frexp(quantity.value)[0] != 0.5:
-                yield (*path, "value"), f"must be a power of two, found {quantity}"
+        if math.frexp(self.block.value)[0] != 0.5:
+            yield ("block", "value"), f"must be a power of two, found {self.block}"
+        if [population.share.value for population in self.populations.values()] != [1.0]:
+            told = "must be one, with a share of 1; run each other one into an --out of its own"
+            yield ("populations",), told
         for i, pair in enumerate(self.pairs):
             try:
                 named_readings("+".join(pair))

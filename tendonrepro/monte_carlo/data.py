@@ -1,4 +1,4 @@
-"""What an ensemble leaves on disk: a file of records for each population, and the plan of all."""
+"""What an ensemble leaves on disk: a file of records, and the plan of all."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ AGAIN = "remove it, and run the same tendonrepro ensemble again with --force"
 
 @dataclass(frozen=True, eq=False)
 class EnsembleData:
-    """One population of one ensemble; N draws of P numbers, n joints, scrambling after scrambling.
+    """An ensemble; N draws of P numbers, n joints, scrambling after scrambling.
 
     `of_paper` tells whether draws start from the paper's arm, gains and payload. `names` are of the P
     numbers. `lookup` gives the place of a case. `planned` is the number of draws that was asked for. `around`
@@ -94,25 +94,21 @@ class EnsembleData:
         return np.asarray(self.column(name)[:, self.lookup[run, reading]][self._order])
 
 
-def read_ensemble(folder: Path, population: str | None = None) -> EnsembleData:
-    """Open a finished ensemble; without a population its first one, by which claims are judged.
+def read_ensemble(folder: Path) -> EnsembleData:
+    """Open a finished ensemble; of one from before 30 November 2026 the first population.
 
     Raises
     ------
     DataMissingError
-        When there is none, or no such population, or its records are damaged.
+        When there is none, or its records are damaged.
     """
     path = folder / PLAN
     if not path.exists():
         hint = "run tendonrepro ensemble first"
         raise DataMissingError("holds no finished ensemble", where=str(folder), hint=hint)
     plan = read_json(path, "run the same tendonrepro ensemble again with --force")
-    population = population or next(iter(plan["populations"]))
-    if population not in plan["populations"]:
-        hint = f"It holds {', '.join(plan['populations'])}."
-        raise DataMissingError(f"holds no population {population!r}", where=str(folder), hint=hint)
     read = _from_shards if "blocks" in plan else _from_records
-    stored, column = read(folder / SHARDS, plan, population)
+    stored, column = read(folder / SHARDS, plan, next(iter(plan["populations"])))
     return EnsembleData(
         of_paper=plan["of_paper"],
         around=plan.get("around", ""),

@@ -67,13 +67,14 @@ def load_study(
     if laws:
         message = "runs around an arm of your own"
         raise UsageError(message, where="--law", hint="name a comparison, --config compare.yaml")
-    config, box = loaded.config, population_of(loaded)
+    config = loaded.config
+    ((name, population),) = config.populations.items()
     default = readings == "default"
     chosen = default_readings(config.pairs) if default else readings_on(loaded, f"{PRINTED},{readings}")
     return EnsembleStudy(
         loaded,
-        populations={name: box.only(part.confidences) for name, part in config.populations.items()},
-        shares={name: population.share.si for name, population in config.populations.items()},
+        name=name,
+        population=population_of(loaded).only(population.confidences),
         readings=chosen,
         variations=tuple(parse_reading(name) for name in config.variations) if default else (),
         seed=int(config.seed.si),
@@ -90,8 +91,8 @@ def _around(loaded: LoadedEnsemble, readings: str, laws: Sequence[UserLaw]) -> E
     loaded = replace(loaded, base=with_user_laws(loaded.base, laws))
     study = EnsembleStudy(
         loaded,
-        populations={ARMS: population_of(loaded)},
-        shares={ARMS: 1.0},
+        name=ARMS,
+        population=population_of(loaded),
         readings=readings_on(loaded, PRINTED if readings == "default" else f"{PRINTED},{readings}"),
         variations=(),
         seed=int(loaded.config.seed.si),
@@ -101,8 +102,7 @@ def _around(loaded: LoadedEnsemble, readings: str, laws: Sequence[UserLaw]) -> E
     )
     for law in laws:
         # What cannot run on many arms together is refused before hours of work.
-        arms = study.populations[ARMS]
-        (loops,) = arms.loops(np.ones((1, len(arms.rows))), study.cases, [law])
+        (loops,) = study.population.loops(np.ones((1, len(study.population.rows))), study.cases, [law])
         kept.refuse_on_lanes(law, loops[study.lookup[law.name, PRINTED]])
     return study
 
@@ -135,26 +135,23 @@ def ensemble_study(
         For impossible draws or jobs.
     """
     check_jobs(jobs)
-    plants = {name: study.draws_of(name, draws) for name in study.populations}
+    study.check(draws)
     make = partial(evaluated, study, simulate=simulate)
     earlier, force = folder_of("ensemble", folder) / SHARDS, folder.get("force", False)
 
     def run(site: Site, shards: Path) -> Result:
         talk = site.talk
         _take_over(earlier, shards, study, force=force)
-        stores = {
-            name: RecordStore(shards / study.file_name(name, draws), study.record_of(name), count)
-            for name, count in plants.items()
-        }
+        store = RecordStore(shards / study.file_name(draws), study.record, draws)
         planned = study.pieces(draws)
-        pieces = kept.still_missing(planned, stores)
-        ahead, resumed = study.cost(sum(len(piece.plants) for piece in pieces)), len(planned) - len(pieces)
+        pieces = kept.still_missing(planned, store)
+        ahead, resumed = study.cost(sum(map(len, pieces))), len(planned) - len(pieces)
         if resumed:
             left = f"; left are {cost_text(ahead)}" if pieces else ""
             talk.note(f"{resumed} of {len(planned)} blocks are on disk already{left}")
         stream = on_cluster(make, pieces, dask) if dask else as_ready(make, pieces, jobs)
         started = time.perf_counter()
-        kept.fill(stores, pieces, stream, talk)
+        kept.fill(store, pieces, stream, talk)
         seconds = time.perf_counter() - started
         (site.files / PLAN).write_text(to_json(study.plan(draws)), encoding="utf-8")
         speed = ahead["experiments"] / seconds if pieces else None
@@ -166,7 +163,7 @@ def ensemble_study(
         study.identity,
         run,
         folder,
-        cost=study.cost(sum(plants.values())),
+        cost=study.cost(draws),
         seed=study.seed,
         stays=SHARDS,
     )
@@ -239,11 +236,8 @@ def _result(study: EnsembleStudy, draws: int, folder: Path, speed: float | None,
         "seed": study.seed,
         "draws": draws,
         "scramblings": study.replicates,
-        "populations": {
-            name: population_summary(population, read_ensemble(folder, name))
-            for name, population in study.populations.items()
-        },
-        "cost": study.cost(sum(study.draws_of(name, draws) for name in study.populations)),
+        "populations": {study.name: population_summary(study.population, read_ensemble(folder))},
+        "cost": study.cost(draws),
         "experiments_per_second": speed,
         "resumed_from": resumed,
         "blocks": len(study.pieces(draws)),

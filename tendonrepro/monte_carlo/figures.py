@@ -33,12 +33,11 @@ _NAME = 48
 
 
 def ensemble_figures(summary: Json) -> dict[str, Callable[[], style.Drawing]]:
-    """Every population's ratios, by name of the figure; around an arm those of all pairs of runs."""
+    """Ratios under each reading, by name of the figure; around an arm those of all pairs of runs."""
+    ((name, population),) = summary["populations"].items()
     if "around" in summary:
-        (arms,) = summary["populations"].values()
-        return {"pairs": partial(draw_pairs, arms, str(summary["around"]["told"]))}
-    populations = summary["populations"].items()
-    return {f"ratios_{name}": partial(draw_ratios, name, population) for name, population in populations}
+        return {"pairs": partial(draw_pairs, population, str(summary["around"]["told"]))}
+    return {f"ratios_{name}": partial(draw_ratios, name, population)}
 
 
 def draw_ratios(population: str, summary: Json) -> style.Drawing:

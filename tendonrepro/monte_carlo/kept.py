@@ -8,7 +8,7 @@ from contextlib import closing
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,15 +52,8 @@ _STUB = 64
 Simulate: TypeAlias = Callable[[Sequence[Loop]], Batch]
 """Signature of `tendonrepro.simulation.batch.simulate_batch`."""
 
-Stores: TypeAlias = Mapping[str, RecordStore]
-"""A file of records for each population."""
-
-
-class Piece(NamedTuple):
-    """Some plants of a population, by their numbers (M,): what is simulated together, and stored at once."""
-
-    population: str
-    plants: NDArray[np.int64]
+Piece: TypeAlias = NDArray[np.int64]
+"""Some plants by their numbers (M,): what is simulated together, and stored at once."""
 
 
 @cache
@@ -191,14 +184,14 @@ def record(batch: Batch, records: Records) -> None:
             records[name] = batch.statistics[name].reshape(records[name].shape)
 
 
-def still_missing(pieces: Sequence[Piece], stores: Stores) -> list[Piece]:
-    """Pieces with a plant of which a store has no record; they are run whole."""
-    missing = {name: store.missing() for name, store in stores.items()}
-    return [piece for piece in pieces if np.isin(piece.plants, missing[piece.population]).any()]
+def still_missing(pieces: Sequence[Piece], store: RecordStore) -> list[Piece]:
+    """Pieces with a plant of which the store has no record; they are run whole."""
+    missing = store.missing()
+    return [piece for piece in pieces if np.isin(piece, missing).any()]
 
 
 def fill(
-    stores: Stores,
+    store: RecordStore,
     pieces: Sequence[Piece],
     stream: Generator[tuple[Piece, Records], None, None],
     talk: Talk,
@@ -206,7 +199,7 @@ def fill(
     """Store the records of pieces as they come; this process is the only writer."""
     with talk.bar("simulating", len(pieces)) as progress, closing(stream):
         for piece, records in stream:
-            stores[piece.population].put(piece.plants, records)
+            store.put(piece, records)
             progress(1)
 
 

@@ -1,4 +1,4 @@
-"""What an ensemble consists of: populations, scramblings, readings and blocks; and its plants as records."""
+"""What an ensemble consists of: a population, scramblings, readings and blocks; and its plants as records."""
 
 from __future__ import annotations
 
@@ -38,15 +38,14 @@ FEWEST_PER_SCRAMBLING = 8
 class EnsembleStudy:
     """Everything that determines an ensemble's numbers but the number of draws.
 
-    Claims are judged by the first of the `populations`, whose `shares` are their parts of the number asked
-    for. Around an arm of a user's own a user's `laws` run too.
+    `name` is that of the `population`. Around an arm of a user's own a user's `laws` run too.
     `replicates` are independent scramblings. `block_draws` plants, a power of two, are stored together: the
     most work that a kill can cost a process.
     """
 
     loaded: LoadedEnsemble
-    populations: Mapping[str, Population]
-    shares: Mapping[str, float]
+    name: str
+    population: Population
     readings: tuple[Reading, ...]
     variations: tuple[Reading, ...]
     seed: int
@@ -94,58 +93,55 @@ class EnsembleStudy:
             statistics=STATISTICS,
         )
 
-    def record_of(self, population: str) -> RecordType:
+    @property
+    def record(self) -> RecordType:
         """A record of one plant: its numbers (P,); by case statuses (C,) and statistics (C, n), SI."""
         cases, joints = len(self.cases), len(self.loaded.compare.joints)
         return np.dtype(
             [
-                ("draws", np.float64, (len(self.populations[population].rows),)),
+                ("draws", np.float64, (len(self.population.rows),)),
                 *((name, np.float32, (cases, joints)) for name in STATISTICS),
                 ("status", np.int8, (cases,)),
             ]
         )
 
-    def values(self, population: str, plants: NDArray[np.int64]) -> Array:
+    def values(self, plants: NDArray[np.int64]) -> Array:
         """Numbers (M, P) of plants, in turn of each scrambling: more draws go on where fewer ended."""
         numbers, replicates = np.divmod(plants, self.replicates)
         first, count = int(numbers.min()), int(np.ptp(numbers)) + 1
         drawn = {
-            replicate: self.populations[population].sample(self.seed, replicate, first, count)
+            replicate: self.population.sample(self.seed, replicate, first, count)
             for replicate in np.unique(replicates).tolist()
         }
         pairs = zip(replicates.tolist(), (numbers - first).tolist(), strict=True)
         return np.stack([drawn[replicate][number] for replicate, number in pairs])
 
     def pieces(self, draws: int) -> list[kept.Piece]:
-        """Cut the plants of every population, `draws` at a share of 1, into pieces of one scrambling each.
+        """Cut so many plants into pieces of one scrambling each.
 
         A piece is run whole: what runs beside a plant can change its last bits, and encoder steps show them.
         """
-        pieces = []
-        for population in self.populations:
-            each, size = self.draws_of(population, draws) // self.replicates, self._size(population, draws)
-            for replicate, first in product(range(self.replicates), range(0, each, size)):
-                numbers = np.arange(first, min(first + size, each))
-                pieces.append(kept.Piece(population, numbers * self.replicates + replicate))
-        return pieces
+        each, size = draws // self.replicates, self._size(draws)
+        return [
+            np.arange(first, min(first + size, each)) * self.replicates + replicate
+            for replicate, first in product(range(self.replicates), range(0, each, size))
+        ]
 
-    def _size(self, population: str, draws: int) -> int:
+    def _size(self, draws: int) -> int:
         """Plants of a piece."""
-        return min(self.draws_of(population, draws) // self.replicates, self.block_draws, kept.PLANTS_AT_ONCE)
+        return min(draws // self.replicates, self.block_draws, kept.PLANTS_AT_ONCE)
 
-    def file_name(self, population: str, draws: int) -> str:
-        """Name of the file of a population's records; pieces of another size give other numbers."""
-        return f"{population}-n{self._size(population, draws)}-{self.identity[:12]}.npy"
+    def file_name(self, draws: int) -> str:
+        """Name of the file of records; pieces of another size give other numbers."""
+        return f"{self.name}-n{self._size(draws)}-{self.identity[:12]}.npy"
 
-    def draws_of(self, population: str, draws: int) -> int:
-        """Draws of one population; a UsageError for too few or many, or for no power of two."""
-        share, most = min(self.shares.values()), kept.MOST_DRAWS
-        fewest = FEWEST_PER_SCRAMBLING * self.replicates / share
-        if not fewest <= draws <= most or draws & (draws - 1) or (draws * share) % self.replicates:
+    def check(self, draws: int) -> None:
+        """Raise a UsageError for too few or many draws, or for no power of two."""
+        fewest, most = FEWEST_PER_SCRAMBLING * self.replicates, kept.MOST_DRAWS
+        if not fewest <= draws <= most or draws & (draws - 1) or draws % self.replicates:
             needed = 2 ** int(np.ceil(np.log2(min(max(draws, fewest), most))))
-            message = f"the number of draws is a power of two from {fewest:g} to {most}, not {draws}"
+            message = f"the number of draws is a power of two from {fewest} to {most}, not {draws}"
             raise UsageError(message, where="--draws", hint=f"{needed} would do")
-        return int(draws * self.shares[population])
 
     def plan(self, draws: int) -> dict[str, object]:
         """Describe the ensemble as plain values that its reader needs."""
@@ -157,12 +153,12 @@ class EnsembleStudy:
             "draws": draws,
             "replicates": self.replicates,
             "seed": self.seed,
-            "populations": {name: self.draws_of(name, draws) for name in self.populations},
-            "records": {name: self.file_name(name, draws) for name in self.populations},
+            "populations": {self.name: draws},
+            "records": {self.name: self.file_name(draws)},
             "of_paper": not around and base_of_paper(self.loaded.compare),
             "joints": list(self.loaded.compare.joints),
             "runs": list(self.runs),
-            "names": list(next(iter(self.populations.values())).names),
+            "names": list(self.population.names),
             "readings": [reading.name for reading in self.readings],
             "variations": [reading.name for reading in self.variations],
             "lookup": [[run, name, place] for (run, name), place in self.lookup.items()],
@@ -177,9 +173,9 @@ def evaluated(
     study: EnsembleStudy, piece: kept.Piece, simulate: kept.Simulate = simulate_batch
 ) -> tuple[kept.Piece, Records]:
     """Records of the plants of a piece."""
-    values = study.values(*piece)
+    values = study.values(piece)
     loops = [loop for of_plant in _loops(study, piece, values) for loop in of_plant]
-    records = np.empty(len(values), study.record_of(piece.population))
+    records = np.empty(len(values), study.record)
     records["draws"] = values
     kept.record(simulate(loops), records)
     return piece, records
@@ -187,13 +183,12 @@ def evaluated(
 
 def _loops(study: EnsembleStudy, piece: kept.Piece, values: Array) -> Iterator[list[Loop]]:
     """Loops of each plant, by case; an error names the plant."""
-    population = study.populations[piece.population]
-    drawn = population.loops(values, study.cases, study.laws)
-    for plant, row in zip(piece.plants, values, strict=True):
+    drawn = study.population.loops(values, study.cases, study.laws)
+    for plant, row in zip(piece, values, strict=True):
         try:
             yield next(drawn)
         except TendonreproError as error:
-            message = f"plant {plant} of {piece.population} cannot be run: {error.message}"
+            message = f"plant {plant} of {study.name} cannot be run: {error.message}"
             raise TendonreproError(
-                message, where=error.where, hint=json.dumps(population.named(row))
+                message, where=error.where, hint=json.dumps(study.population.named(row))
             ) from error

@@ -68,7 +68,7 @@ SOME = 8
 
 
 def population_summary(population: Population, data: EnsembleData) -> Json:
-    """What there is to say about one population; ``laws`` counts statuses under the printed reading."""
+    """What there is to say about a population; ``laws`` counts statuses under the printed reading."""
     readings, joints = [reading_summary(data, name) for name in data.readings], data.joints
     seed = int(population.loaded.config.seed.si)
     draws = population.sample(seed, 0, 0, SOME)
@@ -111,23 +111,21 @@ def _at(reading: Json, path: str) -> Any:
 
 
 def ensemble_tables(summary: Json) -> Iterator[Table | str]:
-    """Yield each population's table, of which the terminal shows the first; around an arm those of pairs."""
+    """Yield the table of readings; around an arm those of pairs."""
     if "around" in summary:
         yield from _pair_tables(summary)
         return
-    for place, (name, population) in enumerate(summary["populations"].items()):
-        caption = (
-            f"Population {name}, {population['plants']} plants. Shares of the box, low and high from the "
-            f"95 % interval by {summary['scramblings']} scramblings. Ratios are medians of the ratio of MAE "
-            "over plants on which all three laws are ok. Their ranges, and other intervals, are in "
-            "summary.json."
-        )
-        rows = [_with_verdict(reading) for reading in population["readings"]]
-        shown = ["reading", *(f"stable_{run}" for run in CONTROLLERS), "order", "first"]
-        shown += [*(f"{pair}_joint_2_median" for pair in PAIRS), "verdict"]
-        yield Table(
-            f"readings_{name}", caption, rows, _columns(rows), shown if place == 0 else (), ("csv", "md")
-        )
+    ((name, population),) = summary["populations"].items()
+    caption = (
+        f"Population {name}, {population['plants']} plants. Shares of the box, low and high from the "
+        f"95 % interval by {summary['scramblings']} scramblings. Ratios are medians of the ratio of MAE "
+        "over plants on which all three laws are ok. Their ranges, and other intervals, are in "
+        "summary.json."
+    )
+    rows = [_with_verdict(reading) for reading in population["readings"]]
+    shown = ["reading", *(f"stable_{run}" for run in CONTROLLERS), "order", "first"]
+    shown += [*(f"{pair}_joint_2_median" for pair in PAIRS), "verdict"]
+    yield Table(f"readings_{name}", caption, rows, _columns(rows), shown, ("csv", "md"))
 
 
 def _with_verdict(reading: Json) -> dict[str, object]:

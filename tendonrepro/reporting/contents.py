@@ -27,18 +27,10 @@ Row: TypeAlias = dict[str, float]
 
 
 class Shown(NamedTuple):
-    """An ensemble as pages show it.
+    """An ensemble of the paper's ranges as pages show it: how many plants were drawn, and rows by reading."""
 
-    `plants` is how many were drawn of each population; `readings` are rows by population and name.
-    """
-
-    plants: dict[str, int]
-    readings: dict[str, dict[str, Row]]
-
-    @property
-    def box(self) -> dict[str, Row]:
-        """Rows of the population by which claims are judged."""
-        return self.readings["box"]
+    plants: int
+    box: dict[str, Row]
 
 
 HEAD = ("tendonrepro_version", "config_sha256", "draws", "scramblings", "cost")
@@ -52,7 +44,7 @@ def head_of(summary: Json) -> Json:
 
 
 def shown(summary: Json) -> Shown:
-    """What pages show of an ensemble; a KeyError for one of an older version that lacks some of it."""
+    """What pages show of an ensemble; a KeyError for one of another population, or that lacks some of it."""
     return _shown(head_of(summary), rows_of(summary))
 
 
@@ -63,13 +55,14 @@ def read_shown(folder: Path) -> Shown:
 
 
 def _shown(head: Json, table: Iterable[Mapping[str, Any]]) -> Shown:
-    rows: dict[str, dict[str, Row]] = {name: {} for name in head["plants"]}
-    for row in table:
-        numbers = {
+    rows = {
+        row["reading"]: {
             column: math.nan if row[column] in ("", None) else float(row[column]) for column in COLUMNS
         }
-        rows[row["population"]][row["reading"]] = numbers
-    return Shown(head["plants"], rows)
+        for row in table
+        if row["population"] == "box"
+    }
+    return Shown(head["plants"]["box"], rows)
 
 
 TEMPLATES = Path(__file__).with_name("templates")
@@ -103,7 +96,7 @@ def rendered(
     """Text of a template over the rows of an ensemble, one of `WORDS` or of other folders."""
     templates = environment(*folders)
     templates.filters |= filters or {}
-    known |= {"r": shown.box, "drawn": shown.plants["box"]}
+    known |= {"r": shown.box, "drawn": shown.plants}
     known |= {"labels": SHOWN, "conditions": f"Every run {EVERY_RUN}."}
     return templates.get_template(f"{name}.md").render(**known).strip()
 

@@ -93,7 +93,7 @@ def draw_orders(shown: Shown) -> style.Drawing:
     figure = style.open_figure(style.PAGE_MM, 26.0 + 5.6 * len(rows))
     panel = figure.subplots()
     counts = [f"{reading['plants']:,.0f}" if reading else "" for reading in readings]
-    counts[0] = f"stable plants\nof {shown.plants['box']:,}"
+    counts[0] = f"stable plants\nof {shown.plants:,}"
     panel.set(xlim=(0.0, 1.0), xticks=np.linspace(0.0, 1.0, 5), ylim=(len(rows) - 0.5, -0.6))
     panel.set_xlabel("share of the plants on which all three controllers are stable")
     panel.xaxis.set_major_formatter(lambda share, _: f"{100.0 * share:.0f} %")
@@ -130,4 +130,4 @@ def order_shares(reading: Row) -> list[float]:
 
 def of_plants(shown: Shown) -> str:
     """What a picture says of its plants."""
-    return f"Simulated, {shown.plants['box']:,} plants of the parameter ranges"
+    return f"Simulated, {shown.plants:,} plants of the parameter ranges"

@@ -135,13 +135,12 @@ def stored_under(folder: Path) -> ReportSources:
 
 def _of_the_paper(summary: Json) -> Shown | None:
     """What is shown of a user's own ensemble, if it is of the paper and has what the page speaks of."""
-    # A study of a user's own may call its populations otherwise.
-    if not summary["of_paper"] or "box" not in summary["populations"]:
+    if not summary["of_paper"]:
         return None
     try:
         own = contents.shown(summary)
     except KeyError:
-        return None  # it is of an older version
+        return None  # its population has another name, or it is of an older version
     return own if contents.has_all_words(own) else None
 
 

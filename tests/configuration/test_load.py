@@ -348,7 +348,7 @@ def test_the_shipped_ensemble_is_of_the_comparison() -> None:
 
 @pytest.mark.parametrize(
     "override",
-    ["seed=2", "box.posture.high=60", "populations.box.share=0.5", "base.control.gains.lam=[7, 8]"],
+    ["seed=2", "box.posture.high=60", "populations.box.confidences=[high]", "base.control.gains.lam=[7, 8]"],
 )
 def test_hash_covers_what_determines_results(override: str) -> None:
     changed = load_ensemble(None, overrides=[override])

@@ -38,7 +38,7 @@ def test_it_is_the_stable_sample_nearest_to_the_medians(typical: Any) -> None:
 
 def test_samples_are_rounded_in_the_unit_of_their_range(typical: Any) -> None:
     study = typical.published_study()
-    box = study.populations["box"]
+    box = study.population
     low, high = (np.array([getattr(row, end) for row in box.rows]) for end in ("low", "high"))
     values = low + 0.123456 * (high - low)
     found = dict(zip(box.names, typical.rounded(study, values), strict=True))

@@ -21,7 +21,6 @@ from tendonrepro.experiments.user_law import laws_of
 from tendonrepro.monte_carlo.data import read_ensemble
 from tendonrepro.monte_carlo.ensemble import ensemble_study, load_study
 from tendonrepro.monte_carlo.figures import draw_pairs
-from tendonrepro.monte_carlo.kept import Piece
 from tendonrepro.monte_carlo.plan import evaluated
 from tendonrepro.monte_carlo.population import Population, population_of
 from tendonrepro.physics.control import command as physics_command
@@ -131,8 +130,7 @@ def test_an_ensemble_around_an_arm(compare: Path, tmp_path: Path) -> None:
     """Its pairs follow from the stored errors; its loops are those of the drawn configuration."""
     older = ["control.readings.stored_torque=applied", "manipulator.actuator.output_delay=1"]
     study = load_study(compare, older, 5, "weights=extrapolating", 0.2)
-    (arm,) = study.populations.values()
-    row = study.values("arms", np.array([11]))
+    arm, row = study.population, study.values(np.array([11]))
     (loops,) = arm.loops(row, study.cases)
     own = dict(build_loops(arm.configured(row[0]), study.loaded.base.folder))
     for loop, (run, reading) in zip(loops, study.cases, strict=True):
@@ -209,7 +207,7 @@ def test_a_law_runs_on_the_same_arms(tmp_path: Path) -> None:
     )
     study = load_study(config, short, None, "default", 0.2, laws=laws_of({"plain": plain}))
     assert study.runs[-2:] == ("plain", "plain_payload")
-    _, found = evaluated(study, Piece("arms", np.arange(2)))
+    _, found = evaluated(study, np.arange(2))
     for own, other in (("controller_1", "plain"), ("controller_1_payload", "plain_payload")):
         places = [study.lookup[run, "printed"] for run in (own, other)]
         errors = found["mae"][:, places].swapaxes(0, 1)

@@ -16,8 +16,8 @@ def test_data_stand_in_canonical_order(unbroken):
     data, study = read_ensemble(unbroken), small_study()
     assert len(data) == DRAWS
     assert (np.diff(data.replicate) >= 0).all()
-    box, each = study.populations["box"], DRAWS // study.replicates
-    samples = [box.sample(study.seed, r, 0, each) for r in range(study.replicates)]
+    each = DRAWS // study.replicates
+    samples = [study.population.sample(study.seed, r, 0, each) for r in range(study.replicates)]
     np.testing.assert_array_equal(data.draws, np.concatenate(samples))
     (path,) = record_files(unbroken)
     order = np.arange(DRAWS).reshape(each, study.replicates).T.ravel()
@@ -28,8 +28,6 @@ def test_data_stand_in_canonical_order(unbroken):
 
 
 def test_what_is_not_there_is_missing(unbroken):
-    with pytest.raises(DataMissingError, match="no population 'firm'"):
-        read_ensemble(unbroken, "firm")
     with pytest.raises(DataMissingError, match="under 'start=cold'"):
         read_ensemble(unbroken).status("controller_1", "start=cold")
 

@@ -10,7 +10,6 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.errors import TendonreproError, UsageError
 from tendonrepro.monte_carlo import kept, plan
 from tendonrepro.monte_carlo.ensemble import load_study
-from tendonrepro.monte_carlo.kept import Piece
 from tendonrepro.monte_carlo.plan import evaluated
 from tendonrepro.simulation.streaming import STATISTICS
 
@@ -19,22 +18,19 @@ def test_pieces_hold_every_draw_once():
     """Consecutive draws of one scrambling, each of which depends on its number alone."""
     study = load_study(None, (), None, "default")
     pieces = study.pieces(4096)
-    for name, share in study.shares.items():
-        plants = np.concatenate([piece.plants for piece in pieces if piece.population == name])
-        np.testing.assert_array_equal(np.sort(plants), np.arange(4096 * share))
-    assert all(np.ptp(piece.plants % study.replicates) == 0 for piece in pieces)
-    assert max(len(piece.plants) for piece in pieces) == 32
-    box, last = study.populations["box"], next(piece for piece in pieces if piece.plants[0] == 32 * 8 + 3)
-    expected = box.sample(study.seed, 3, 0, 64)[32:]
-    np.testing.assert_array_equal(study.values(*last), expected)
+    np.testing.assert_array_equal(np.sort(np.concatenate(pieces)), np.arange(4096))
+    assert all(np.ptp(piece % study.replicates) == 0 for piece in pieces)
+    assert max(map(len, pieces)) == 32
+    last = next(piece for piece in pieces if piece[0] == 32 * 8 + 3)
+    expected = study.population.sample(study.seed, 3, 0, 64)[32:]
+    np.testing.assert_array_equal(study.values(last), expected)
 
 
 @pytest.mark.parametrize("draws", [-8, 16, 33, 2**62])
 def test_impossible_draws_are_refused(draws):
     with pytest.raises(UsageError, match="power of two from 32 to 1048576") as caught:
-        small_study().draws_of("box", draws)
-    suggested = int(str(caught.value.hint).split()[0])
-    assert small_study().draws_of("box", suggested) == suggested
+        small_study().check(draws)
+    small_study().check(int(str(caught.value.hint).split()[0]))
 
 
 def test_every_case_is_simulated_once():
@@ -81,14 +77,14 @@ def test_identity_holds_the_code(monkeypatch, module, name, other):
     assert replace(study).identity != before
 
 
-PIECE = Piece("box", np.array([5, 6, 11]))
+PIECE = np.array([5, 6, 11])
 
 
 def test_results_stand_in_the_place_of_their_draw_and_case():
     """Simulating each experiment alone gives what the records hold."""
     study = small_study()
     _, records = evaluated(study, PIECE, fake_batch)
-    loops = study.populations["box"].loops(records["draws"], study.cases)
+    loops = study.population.loops(records["draws"], study.cases)
     for record, of_plant in zip(records, loops, strict=True):
         for c, loop in enumerate(of_plant):
             alone = fake_batch([loop])

@@ -27,7 +27,7 @@ def study() -> EnsembleStudy:
 
 
 def drawn(count: int) -> tuple[Population, np.ndarray]:
-    box = study().populations["box"]
+    box = study().population
     return box, box.sample(7, 0, 0, count)
 
 
@@ -56,7 +56,7 @@ def test_draws_on_one_motion_share_it(tmp_path: Path) -> None:
     """Around an arm of one's own all follow its motion, but where a reading samples it otherwise."""
     init_arm(2, tmp_path)
     other = load_study(tmp_path / "compare.yaml", None, None, "printed", 0.2)
-    (arms,) = other.populations.values()
+    arms = other.population
     slower = parse_reading("sampling_period=2ms")
     cases = [*other.cases, ("controller_1", slower)]
     first, second = arms.loops(arms.sample(1, 0, 0, 2), cases)

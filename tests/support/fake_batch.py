@@ -57,12 +57,10 @@ def _leaves(value):
 
 @cache
 def small_study():
-    """The shipped study with few readings and scramblings, one population and small blocks."""
+    """The shipped study with few readings and scramblings, and small blocks."""
     study = load_study(None, (), None, "default")
     return replace(
         study,
-        populations={"box": study.populations["box"]},
-        shares={"box": 1.0},
         readings=study.readings[:3],
         variations=study.variations[:1],
         replicates=4,

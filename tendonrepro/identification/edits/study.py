@@ -103,14 +103,14 @@ class EditStudy:
         shape = len(self.readings), len(self.cells)
         numbers = [(name, np.float32, (*shape, len(self.goal.joints))) for name in MEASURED]
         kind = np.dtype([("status", np.int8, shape), *numbers])
-        stores = {KEPT: RecordStore(path, kind, self.plants)}
+        store = RecordStore(path, kind, self.plants)
         cuts = np.split(np.arange(self.plants), range(PLANTS_AT_ONCE, self.plants, PLANTS_AT_ONCE))
-        pieces = kept.still_missing([Piece(KEPT, plants) for plants in cuts], stores)
+        pieces = kept.still_missing(cuts, store)
         _CELLS[self.identity] = self.cells
         # A copy has none of the laws that were recorded, which is much to send to other processes.
         stream = as_ready(partial(_piece, replace(self), self.identity, kind), pieces, jobs)
-        kept.fill(stores, pieces, stream, site.talk)
-        return stores[KEPT].read()
+        kept.fill(store, pieces, stream, site.talk)
+        return store.read()
 
     def outcomes(self, records: Records, reading: int) -> Outcomes:
         """What all edits did under a reading."""
@@ -131,11 +131,11 @@ def _piece(study: EditStudy, identity: str, kind: RecordType, piece: Piece) -> t
     cells = _CELLS.get(identity) or _CELLS.setdefault(identity, study.cells)
     loops = [
         _edited(of_plant[run, reading.name], law)
-        for of_plant in study.loops(int(piece.plants[0]), len(piece.plants))
+        for of_plant in study.loops(int(piece[0]), len(piece))
         for reading in study.readings
         for (run, _), law in cells.items()
     ]
-    records = np.empty(len(piece.plants), kind)
+    records = np.empty(len(piece), kind)
     kept.record(simulate_batch(loops), records)
     return piece, records
 
