@@ -5,13 +5,14 @@ Triangular factors of blocks of samples stand for the samples, and lose nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import leastsq, minimize_scalar
+from scipy.special import expit, logit
 
 from tendonrepro.arrays import Array
 from tendonrepro.evidence.hypotheses import FILTERS, LINEAR, NTSM, PID, Hypothesis, hypotheses, regression
@@ -39,8 +40,6 @@ CUTOFF_STEP = 1e-4
 """Half the difference of a filter's cutoff, as the logit of its newest weight, that gives slopes by it."""
 CUTOFF_STEPS = 12
 """Steps of a cutoff, each the linear one, after which it stays where it is."""
-Solve: TypeAlias = Callable[[Array, Hypothesis], Array]
-"""Coefficients of a hypothesis from a triangular factor."""
 Rows: TypeAlias = NDArray[np.int64]
 """Numbers of samples of a log."""
 
@@ -103,10 +102,7 @@ def ranked(log: Log, joint: int) -> list[Fit]:
     rows = rows_of_all(
         window, joint, [hypothesis for hypothesis in candidates if hypothesis.surface == LINEAR]
     )
-    errors = [
-        _held_out_error(regression(window, joint, hypothesis)[rows], rows, hypothesis, _least_squares)
-        for hypothesis in candidates
-    ]
+    errors = [_held_out_error(regression(window, joint, hypothesis)[rows], rows) for hypothesis in candidates]
     # With free coefficients some are the same equation, and count as one.
     sizes = np.round(np.log(np.maximum(errors, 1e-300)), 6)
     order = [k for k in np.argsort(errors, kind="stable") if np.isfinite(sizes[k])]
@@ -179,7 +175,7 @@ def fitted(log: Log, joint: int, hypothesis: Hypothesis, rows: Rows) -> Fit:
         near = np.append(parameters, 0.0)
         nears = _without_each(_with_cutoff_slope(log, joint, hypothesis, rows, parameters))
     left_out = np.stack([_solved(part, hypothesis, near) for part in nears])[:, : parameters.size]
-    residual = _held_out_error(columns, rows, hypothesis, _by_parameters)
+    residual = _held_out_error(columns, rows, hypothesis)
     step = float(np.sqrt(np.nanmean(np.diff(log.command[:, joint]) ** 2)))
     scaled = whole[:, :-1] / _sizes(whole[:, :-1])
     # What is zero throughout, such as the acceleration of a ramp, is no regressor.
@@ -289,7 +285,7 @@ def _with_best_cutoff(log: Log, joint: int, hypothesis: Hypothesis, rows: Rows) 
         parameters = _solved(_factor(_known(regression(log, joint, hypothesis)[rows])), hypothesis)
         factor = _factor(_with_cutoff_slope(log, joint, hypothesis, rows, parameters))
         step = float(np.clip(_solved(factor, hypothesis, np.append(parameters, 0.0))[-1], -0.5, 0.5))
-        hypothesis = replace(hypothesis, newest=_newest(_logit(hypothesis.newest) + step))
+        hypothesis = replace(hypothesis, newest=float(expit(logit(hypothesis.newest) + step)))
         if abs(step) < 1e-9:
             break
     return hypothesis
@@ -300,9 +296,9 @@ def _with_cutoff_slope(log: Log, joint: int, hypothesis: Hypothesis, rows: Rows,
 
     The cutoff counts as the logit of the filter's newest weight.
     """
-    logit, values = _logit(hypothesis.newest), hypothesis.coefficients(parameters)
+    place, values = logit(hypothesis.newest), hypothesis.coefficients(parameters)
     ends = [
-        regression(log, joint, replace(hypothesis, newest=_newest(logit + step)))[rows]
+        regression(log, joint, replace(hypothesis, newest=expit(place + step)))[rows]
         for step in (-CUTOFF_STEP, CUTOFF_STEP)
     ]
     below, above = (end[:, :-1] @ values - end[:, -1] for end in ends)
@@ -352,21 +348,20 @@ def _without_errors(
     return np.asarray(min(searched, key=lambda search: float(np.sum(search[2]["fvec"] ** 2)))[0])
 
 
-def _held_out_error(columns: Array, rows: Rows, hypothesis: Hypothesis, solve: Solve) -> float:
-    """RMS error in the odd blocks of a fit to the even ones, N m; infinite if too short."""
+def _held_out_error(columns: Array, rows: Rows, hypothesis: Hypothesis | None = None) -> float:
+    """RMS error in the odd blocks of a fit to the even ones, N m; infinite if too short.
+
+    Without a hypothesis coefficients are free.
+    """
     odd = rows // BLOCK % 2 == 1
     if min(odd.sum(), (~odd).sum()) < BLOCK:
         return float("inf")
-    of_even = solve(_factor(columns[~odd]), hypothesis)
+    even = _factor(columns[~odd])
+    of_even = hypothesis.coefficients(_solved(even, hypothesis)) if hypothesis else _least_squares(even)
     return _residual(_factor(columns[odd]), of_even) / float(np.sqrt(odd.sum()))
 
 
-def _by_parameters(factor: Array, hypothesis: Hypothesis) -> Array:
-    """Coefficients of the parameters that fit best."""
-    return hypothesis.coefficients(_solved(factor, hypothesis))
-
-
-def _least_squares(factor: Array, _: Hypothesis) -> Array:
+def _least_squares(factor: Array) -> Array:
     """Coefficients that fit best, whatever the parameters."""
     scale = _sizes(factor[:, :-1])
     return np.asarray(np.linalg.lstsq(factor[:, :-1] / scale, factor[:, -1], rcond=1e-12)[0] / scale)
@@ -383,18 +378,18 @@ def _filtered(log: Log, joint: int, hypothesis: Hypothesis) -> Iterator[Hypothes
     for place in FILTERS:
         # Weights of the newest value from 0.01 to 0.99, coarsely first: the error has more than one valley.
         grid = np.linspace(-4.6, 4.6, 9)
-        rows = rows_of_all(log, joint, [hypothesis.beside(place, _newest(grid[0]))])
+        rows = rows_of_all(log, joint, [hypothesis.beside(place, expit(grid[0]))])
 
-        def error(logit: float, place: tuple[str, str] = place, rows: Rows = rows) -> float:
-            filtered = hypothesis.beside(place, _newest(logit))
+        def error(x: float, place: tuple[str, str] = place, rows: Rows = rows) -> float:
+            filtered = hypothesis.beside(place, expit(x))
             # A log may be too short, which is worse than any fit. Free coefficients let filters fit noise.
             columns = regression(log, joint, filtered)[rows]
-            return min(_held_out_error(columns, rows, filtered, _by_parameters), 1e9)
+            return min(_held_out_error(columns, rows, filtered), 1e9)
 
         k = int(np.argmin([error(x) for x in grid]))
         low, high = grid[max(k - 1, 0)], grid[min(k + 1, 8)]
         minimum = minimize_scalar(error, bounds=(low, high), method="bounded", options={"xatol": 1e-3})
-        filtered = hypothesis.beside(place, _newest(minimum.x))
+        filtered = hypothesis.beside(place, float(expit(minimum.x)))
         rows = rows_of_all(log, joint, [hypothesis, filtered])
         if rows.size < 2 * BLOCK:
             continue
@@ -406,14 +401,6 @@ def _filtered(log: Log, joint: int, hypothesis: Hypothesis) -> Iterator[Hypothes
             yield filtered
 
 
-def _newest(logit: float) -> float:
-    return float(1.0 / (1.0 + np.exp(-logit)))
-
-
-def _logit(newest: float) -> float:
-    return float(np.log(newest / (1.0 - newest)))
-
-
 def _solved(factor: Array, hypothesis: Hypothesis, near: Array | None = None) -> Array:
     """Parameters that fit best, searched from `near`, else from several starts.
 
@@ -421,7 +408,7 @@ def _solved(factor: Array, hypothesis: Hypothesis, near: Array | None = None) ->
     """
     matrix, target = factor[:, :-1], factor[:, -1]
     starts = [near] if near is not None else _starts(factor, hypothesis)
-    enough = np.sqrt(CLOSE_TO_FREE) * _residual(factor, _least_squares(factor, hypothesis))
+    enough = np.sqrt(CLOSE_TO_FREE) * _residual(factor, _least_squares(factor))
 
     def misses(x: Array) -> Array:
         return target - matrix @ np.append(hypothesis.coefficients(x[:5]), x[5:])
@@ -449,7 +436,7 @@ def _solved(factor: Array, hypothesis: Hypothesis, near: Array | None = None) ->
 
 def _starts(factor: Array, hypothesis: Hypothesis) -> list[Array]:
     """Parameters (5,) of free coefficients, where these are of any, and published ones."""
-    w_1, w_2, *others = free = _least_squares(factor, hypothesis)
+    w_1, w_2, *others = free = _least_squares(factor)
     published = _published(hypothesis)
     dropped = hypothesis.surface != LINEAR and hypothesis.readings["eta_in_controller_2"] == "dropped"
     with np.errstate(all="ignore"):  # without torques or accelerations there are none

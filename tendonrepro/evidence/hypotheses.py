@@ -106,20 +106,9 @@ class Hypothesis:
 
     def coefficient_slopes(self, parameters: Array) -> Array:
         """Derivatives of `coefficients` by the parameters, (8, 5), or (7, 5) if linear."""
-        w_1, w_2, M_bar, first, second = parameters
-        rows = [
-            [1.0, 0.0, 0.0, 0.0, 0.0],
-            [0.0, 1.0, 0.0, 0.0, 0.0],
-            [-M_bar, 0.0, -w_1, 0.0, 0.0],
-            [0.0, -M_bar, -w_2, 0.0, 0.0],
-            [0.0, 0.0, 1.0, 0.0, 0.0],
-            [0.0, 0.0, first, M_bar, 0.0],
-        ]
-        if self.surface == LINEAR:
-            return np.array([*rows, [0.0, 0.0, second, 0.0, M_bar]])
-        dropped = self.readings["eta_in_controller_2"] == "dropped"
-        rate = [0.0, 0.0, 1.0, 0.0, 0.0] if dropped else [0.0, 0.0, second, 0.0, M_bar]
-        return np.array([*rows, rate, [0.0, 0.0, first * second, M_bar * second, M_bar * first]])
+        # Each is a product of some parameters, so a difference over one is its slope, however long.
+        at = self.coefficients(parameters)
+        return np.stack([self.coefficients(parameters + step) - at for step in np.eye(5)], axis=1)
 
     def error_gain(self, parameters: Array) -> Array:
         """Gain of the error over M_bar: ``lam eta``, or ``K_p`` if linear; parameters are the last axis."""

@@ -189,25 +189,6 @@ Gaps: TypeAlias = Mapping[tuple[str, str], float]
 """By pair of readings."""
 
 
-@dataclass(frozen=True)
-class Prediction:
-    """Ratio of errors of one experiment, reading and joint.
-
-    ``errors_of`` says whose errors are divided: ``joints``, ``motors`` where the law looks at the motors'
-    encoders, in joint coordinates, or one over the other. ``low`` and ``high`` are the central 90 % of the
-    plants on which both runs are stable; NaN with few.
-    """
-
-    experiment: str
-    reading: str
-    joint: int
-    errors_of: str
-    plants: int
-    median: float
-    low: float
-    high: float
-
-
 def predicted_cost(loaded: LoadedEnsemble, readings: int, draws: int) -> dict[str, float]:
     """Experiments of a prediction, and about how many hours of one processor they take."""
     base = [run for run in RUNS if run in loaded.compare.runs]
@@ -217,8 +198,12 @@ def predicted_cost(loaded: LoadedEnsemble, readings: int, draws: int) -> dict[st
 
 def predictions(
     loaded: LoadedEnsemble, readings: Sequence[Reading], draws: int, talk: Talk, files: Path | None = None
-) -> Iterator[Prediction]:
-    """Yield every experiment's ratio under every reading on every joint.
+) -> Iterator[Json]:
+    """Yield every experiment's ratio of errors under every reading on every joint.
+
+    ``errors_of`` says whose errors are divided: ``joints``, ``motors`` where the law looks at the motors'
+    encoders, in joint coordinates, or one over the other. ``low`` and ``high`` are the central 90 % of the
+    plants on which both runs are stable; NaN with few.
 
     With a folder for `files`, what was simulated is kept there, and taken up again.
     """
@@ -244,9 +229,10 @@ def predictions(
                 above, below = np.moveaxis(errors[experiment.error][both][:, pair], 1, 0)
                 whose = " over ".join(dict.fromkeys("motors" if of_motors[run] else "joints" for run in pair))
                 for joint, ratio in zip(loaded.compare.joints, (above / below).T, strict=True):
+                    row: Json = {"experiment": experiment.name, "reading": reading.name, "joint": joint}
                     spread = np.quantile(ratio, (0.5, 0.05, 0.95)) if ratio.size >= LEAST else [np.nan] * 3
-                    ends = map(float, spread)
-                    yield Prediction(experiment.name, reading.name, joint, whose, ratio.size, *ends)
+                    numbers = zip(("median", "low", "high"), map(float, spread), strict=True)
+                    yield {**row, "errors_of": whose, "plants": ratio.size, **dict(numbers)}
 
 
 def _simulated(loaded: LoadedEnsemble, reading: Reading, names: Sequence[str], values: Array) -> Array:
@@ -273,13 +259,13 @@ def loops_of_plants(loaded: LoadedEnsemble, values: Array, reading: Reading) -> 
         yield from (experiment.change(loops, readings) for experiment in experiments)
 
 
-def gaps_between(rows: Sequence[Prediction], readings: Sequence[str]) -> Gaps:
+def gaps_between(rows: Sequence[Json], readings: Sequence[str]) -> Gaps:
     """Gap of 90 % ranges of an experiment by pair of readings, on the joint where it is widest.
 
     Pairs that overlap have a negative gap, and pairs with an unknown range none.
     """
-    joints = dict.fromkeys(row.joint for row in rows)
-    ends = {(row.reading, row.joint): (row.low, row.high) for row in rows}
+    joints = dict.fromkeys(row["joint"] for row in rows)
+    ends = {(row["reading"], row["joint"]): (row["low"], row["high"]) for row in rows}
     gaps = {}
     for pair in combinations(readings, 2):
         lows, highs = np.array([[ends[reading, joint] for reading in pair] for joint in joints]).T
@@ -327,7 +313,7 @@ def predict_result(
     predicted = list(predictions(loaded, readings, draws, talk, files))
     experiments, told = [], dict[tuple[str, str], bool]()
     for experiment in experiments_on(loaded):
-        rows = [row for row in predicted if row.experiment == experiment.name]
+        rows = [row for row in predicted if row["experiment"] == experiment.name]
         gaps = gaps_between(rows, names)
         apart = {pair: gap for pair, gap in gaps.items() if gap > 0.0}
         told |= {pair: told.get(pair, False) or pair in apart for pair in gaps}
@@ -338,7 +324,7 @@ def predict_result(
                 "judged_pairs": len(gaps),
                 "told_apart": [[*pair] for pair in apart],
                 "gaps": [*apart.values()],
-                "ratios": [vars(row) for row in rows],
+                "ratios": rows,
             }
         )
     data = {

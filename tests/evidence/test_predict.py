@@ -26,7 +26,6 @@ from tendonrepro.evidence.predict import (
     DOUBLED_PERIOD,
     EXPERIMENTS,
     READINGS,
-    Prediction,
     default_readings_on,
     experiments_on,
     gaps_between,
@@ -179,15 +178,18 @@ def test_a_ratio_is_that_of_its_two_runs_on_plants_where_both_are_stable(
     """Of the first plant of each batch the first run diverges."""
     monkeypatch.setattr(predict, "simulate_batch", sized)
     found = list(predict.predictions(LOADED, named_readings("printed,feedback=motor"), 32, QUIET))
-    rows = {(row.reading, row.experiment): row for row in found if row.joint == 3}
-    plants = {name: rows["printed", name].plants for name in ("inertia_up", "controllers_2_3")}
+    rows = {(row["reading"], row["experiment"]): row for row in found if row["joint"] == 3}
+    plants = {name: rows["printed", name]["plants"] for name in ("inertia_up", "controllers_2_3")}
     assert plants == {"inertia_up": 30, "controllers_2_3": 32}
     names = [one.name for one in EXPERIMENTS]
-    place, low = len(RUNS) + names.index("controllers_2_3_late"), rows["printed", "controllers_2_3_late"].low
+    place, low = (
+        len(RUNS) + names.index("controllers_2_3_late"),
+        rows["printed", "controllers_2_3_late"]["low"],
+    )
     third = RUNS.index(THIRD)
     assert (2001.0 + 2 * place) / (2001.3 + 2 * third) <= low <= (2001.3 + 2 * place) / (2001.0 + 2 * third)
     # A motor's error is told as one.
-    whose = {key: row.errors_of for key, row in rows.items()}
+    whose = {key: row["errors_of"] for key, row in rows.items()}
     assert whose["printed", "alpha_0.2"] == "joints"
     assert whose["feedback=motor", "alpha_0.2"] == "motors"
     assert whose["printed", "other_encoders"] == "motors over joints"
@@ -203,8 +205,8 @@ def test_the_estimates_age_and_the_inertia_set_the_ratios(monkeypatch: pytest.Mo
     found = list(predict.predictions(LOADED, named_readings("encoder=ideal"), 16, QUIET))
     assert len(found) == 2 * len(expected)
     for row in found:
-        ratio, tolerance = expected[row.experiment]
-        assert row.median == pytest.approx(ratio, rel=tolerance)
+        ratio, tolerance = expected[row["experiment"]]
+        assert row["median"] == pytest.approx(ratio, rel=tolerance)
 
 
 def test_a_ratio_is_that_of_scipys_runs(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -221,8 +223,10 @@ def test_a_ratio_is_that_of_scipys_runs(monkeypatch: pytest.MonkeyPatch) -> None
             ratios.append(np.divide(*(np.abs(e[2000:]).mean(axis=0) for e in errors)))
     low, high = np.sort(ratios, axis=0)
     expected = np.stack([0.5 * (low + high), 0.95 * low + 0.05 * high, 0.05 * low + 0.95 * high], axis=1)
-    assert [row.plants for row in rows] == [2, 2]
-    np.testing.assert_allclose([(row.median, row.low, row.high) for row in rows], expected, rtol=5e-4)
+    assert [row["plants"] for row in rows] == [2, 2]
+    np.testing.assert_allclose(
+        [[row[name] for name in ("median", "low", "high")] for row in rows], expected, rtol=5e-4
+    )
 
 
 def test_killed_among_the_plants_it_goes_on_and_ends_with_the_same_bytes(
@@ -252,8 +256,8 @@ def test_killed_among_the_plants_it_goes_on_and_ends_with_the_same_bytes(
 
 
 def test_readings_are_told_apart_by_ranges_that_do_not_meet() -> None:
-    def row(reading: str, joint: int, low: float, high: float) -> Prediction:
-        return Prediction("x", reading, joint, "joints", 50, low, low, high)
+    def row(reading: str, joint: int, low: float, high: float) -> dict[str, object]:
+        return {"reading": reading, "joint": joint, "low": low, "high": high}
 
     rows = [row("a", 2, 1.0, 1.2), row("b", 2, 1.1, 1.3), row("c", 2, 1.25, 1.4)]
     gaps = gaps_between(rows, ["a", "b", "c"])
