@@ -23,7 +23,7 @@ from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.published import METRICS, published
 from tendonrepro.configuration.models.readings import SHOWN
 from tendonrepro.experiments.loops import View, build_reference, run_views
-from tendonrepro.identification.goal import printed_numbers
+from tendonrepro.identification.bench import printed_numbers
 from tendonrepro.monte_carlo.data import EnsembleData, read_ensemble
 from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.physics.linear_loop import stroke

@@ -36,7 +36,7 @@ from tendonrepro.reporting.contents import read_shown
 from tendonrepro.results.figures.style import Drawing, save_drawing
 from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.tuning.figure import draw_tuning
-from tendonrepro.tuning.laws import LAWS
+from tendonrepro.tuning.bench import LAWS
 from tendonrepro.verdicts import words
 from tendonrepro.verdicts.ledger import read_ledger
 

@@ -24,7 +24,7 @@ from tendonrepro.configuration.models.readings import parse_reading
 from tendonrepro.configuration.published import METRICS, published
 from tendonrepro.identification.bench import Simulated, bench_of, log_misfit
 from tendonrepro.configuration.models.readings import KEPT, SHOWN
-from tendonrepro.identification.goal import Goal, printed_numbers
+from tendonrepro.identification.bench import Goal, printed_numbers
 from tendonrepro.monte_carlo.data import EnsembleData, read_ensemble
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.verdicts.planted import MOST_PLANTS, stable_errors

@@ -18,8 +18,7 @@ from tendonrepro.configuration.rows import idle_rows
 from tendonrepro.configuration.strict_yaml import Tree, dump, entry
 from tendonrepro.console import count_of
 from tendonrepro.files import Json, write_atomically
-from tendonrepro.identification.bench import Simulated
-from tendonrepro.identification.goal import Goal
+from tendonrepro.identification.bench import Goal, Simulated
 from tendonrepro.monte_carlo.population import Population
 from tendonrepro.results.tables import Table
 from tendonrepro.studies.result import Result

@@ -24,8 +24,16 @@ from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import reference_period
 from tendonrepro.files import Json
 from tendonrepro.identification import report
-from tendonrepro.identification.bench import Bench, Repeats, bench_of
-from tendonrepro.identification.goal import Goal, Target, Window, goal_of, with_input
+from tendonrepro.identification.bench import (
+    Bench,
+    Goal,
+    Repeats,
+    Target,
+    Window,
+    bench_of,
+    goal_of,
+    with_input,
+)
 from tendonrepro.identification.optimisers import SEARCHES, SearchPoints
 from tendonrepro.monte_carlo.kept import WHOLE_RUNS, identity_of, study_on_plants
 from tendonrepro.monte_carlo.population import Population

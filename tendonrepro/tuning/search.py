@@ -1,7 +1,7 @@
 """Search for the gains of every law on one draw, by CMA-ES.
 
 A search works under every cap on roughness at once: what one cap finds serves the others. Each law is
-searched alone, and again with laws handing on their best gains (`laws.EQUIVALENCES`), halfway and at the end.
+searched alone, and again with laws handing on their best gains (`EQUIVALENCES`), halfway and at the end.
 """
 
 from __future__ import annotations
@@ -26,8 +26,7 @@ from tendonrepro.monte_carlo.kept import Kept
 from tendonrepro.monte_carlo.population import evolution, population_of
 from tendonrepro.results.paper import compares_as_paper
 from tendonrepro.tuning import bench
-from tendonrepro.tuning.bench import ALL_RUNS, CONDITIONS, Candidate, TrialPlants
-from tendonrepro.tuning.laws import EQUIVALENCES, LAWS, TunedLaw
+from tendonrepro.tuning.bench import Candidate, TunedLaw
 
 # Caps on torque roughness, over that of Controller 2 as published on the same draw.
 CAPS: Mapping[str, float] = {"none": np.inf, "1/3": 1 / 3, "1/10": 1 / 10, "1/30": 1 / 30}
@@ -44,7 +43,8 @@ FIRST, FIRST_WIDTH = 32, 0.15
 WIDTHS = 0.08, 0.04
 _OVER_CAP = 3.0  # how many times the excess over the cap counts, in logs: more than the error gains by it
 _UNSTABLE = 10.0  # what an unstable run costs, in logs: more than any error
-_SEED_WORDS = dict(zip(CONDITIONS, ("none False", "full True"), strict=True))  # so seeds stay what they were
+# So seeds stay what they were.
+_SEED_WORDS = {bench.PUBLISHED: "none False", bench.KNOWN: "full True"}
 _HERE = 1e-9  # distance in the unit cube up to which a place is the same
 
 
@@ -97,7 +97,7 @@ class Tuning:
 
     laws: Mapping[str, TunedLaw]
     caps: Sequence[float]
-    plants: TrialPlants
+    plants: bench.TrialPlants
     effort: TuningEffort
     seed: tuple[int, int]
     path: Path | None = None
@@ -168,7 +168,7 @@ class Tuning:
     def _exchange(self) -> None:
         """Have searches look at the best places of others, in their own gains, if these are new to them."""
         alpha, n = self.plants.alpha, self.plants.alpha.size
-        for equal in EQUIVALENCES:
+        for equal in bench.EQUIVALENCES:
             asked = []
             for key, seen in self.places.items():
                 to = key._replace(law=equal.target)
@@ -208,10 +208,10 @@ class TuningTask:
     def experiments(self) -> int:
         """Runs that the searches on one plant ask for, each candidate without and with payload."""
         effort = self.effort
-        searches = len(self.laws) * len(CONDITIONS) * 2 * effort.searches
+        searches = len(self.laws) * len(bench.CONDITIONS) * 2 * effort.searches
         return 2 * searches * (FIRST + effort.generations * effort.population * len(CAPS))
 
-    def draw(self, number: int) -> TrialPlants:
+    def draw(self, number: int) -> bench.TrialPlants:
         """Draw of a number from the box, or around a user's arm."""
         population, seed = population_of(self.loaded), int(self.loaded.config.seed.si)
         config = population.configured(population.sample(seed, 0, number, 1)[0])
@@ -225,7 +225,7 @@ class TuningTask:
         tuning = Tuning(
             self.laws, [*caps.values()], plants, self.effort, (self.seed, number), states / f"{number}.npy"
         )
-        tuning.run(CONDITIONS)
+        tuning.run(bench.CONDITIONS)
         rows = [*_best_rows(tuning, caps), *_published_rows(plants)]
         _measured(plants, rows)
         return [{"draw": number, **row} for row in rows]
@@ -251,21 +251,21 @@ def _row(law: str, condition: str, alone: bool, cap: str, **more: object) -> Jso
     return {"law": law, "condition": condition, "alone": alone, "cap": cap, **more}
 
 
-def _published_rows(plants: TrialPlants) -> Iterator[Json]:
+def _published_rows(plants: bench.TrialPlants) -> Iterator[Json]:
     """Yield Controllers 1 to 3 as published, and Controller 2 over its estimator's weights."""
-    for condition in CONDITIONS:
+    for condition in bench.CONDITIONS:
         for name, candidate in bench.as_published(plants, condition).items():
             yield _row(name, condition, False, "published", candidate=candidate)
-    for condition, alpha in product(CONDITIONS, ALPHAS):
+    for condition, alpha in product(bench.CONDITIONS, ALPHAS):
         gains = {**bench.as_published(plants)[SECOND].gains, "alpha": np.full_like(plants.alpha, alpha)}
-        moved = Candidate(LAWS["alpha_free"], condition, gains)
+        moved = Candidate(bench.LAWS["alpha_free"], condition, gains)
         yield _row(SECOND, condition, False, "published", alpha=alpha, candidate=moved)
 
 
-def _measured(plants: TrialPlants, rows: Sequence[Json]) -> None:
+def _measured(plants: bench.TrialPlants, rows: Sequence[Json]) -> None:
     """Add to rows what their candidates give, angles in rad."""
     candidates = [row.pop("candidate", None) for row in rows]
-    results = zip(*bench.measure(plants, [*filter(None, candidates)], ALL_RUNS), strict=True)
+    results = zip(*bench.measure(plants, [*filter(None, candidates)], bench.ALL_RUNS), strict=True)
     for row, candidate in zip(rows, candidates, strict=True):
         row["stable"] = False
         if candidate:

@@ -22,8 +22,8 @@ from tendonrepro.parallel import as_ready, check_jobs, counted
 from tendonrepro.results.tables import Table
 from tendonrepro.studies.result import Result
 from tendonrepro.studies.study import Folder, Site, Study, cost_of
-from tendonrepro.tuning.bench import CONDITIONS, PUBLISHED, Candidate, loops_of, usable
-from tendonrepro.tuning.laws import EQUIVALENCES, LAWS, TunedLaw, tuned_user_law
+from tendonrepro.tuning import bench
+from tendonrepro.tuning.bench import CONDITIONS, LAWS, TunedLaw
 from tendonrepro.tuning.search import CAPS, SAME, TuningEffort, TuningTask
 
 SCHEMA_VERSION = 3
@@ -83,7 +83,7 @@ def tuning_study(
         if asked[name] < least:
             raise UsageError(f"must be at least {least}, found {asked[name]}", where=f"--{name}")
     check_jobs(jobs)
-    own = [tuned_user_law(user) for user in users]
+    own = [bench.tuned_user_law(user) for user in users]
     if taken := [law.name for law in own if law.name in LAWS]:
         message = f"there is a law {taken[0]!r} already"
         raise UsageError(message, where="--law", hint="give it another name")
@@ -91,8 +91,8 @@ def tuning_study(
     for user, law in zip(users, own, strict=True):
         drawn = task.draw(0)
         n = drawn.alpha.size
-        middle = Candidate(law, PUBLISHED, law.values(np.full(sum(law.sizes(n)), 0.5), n))
-        refuse_on_lanes(user, loops_of(drawn, middle, 1)[0])
+        middle = bench.Candidate(law, bench.PUBLISHED, law.values(np.full(sum(law.sizes(n)), 0.5), n))
+        refuse_on_lanes(user, bench.loops_of(drawn, middle, 1)[0])
     loaded = replace(loaded, base=user_law.with_user_laws(loaded.base, users))
     identity = identity_of(
         loaded, "tuning", effort=asdict(effort), seed=seed, any_plant=any_plant, laws=sorted(task.laws)
@@ -123,7 +123,7 @@ def _chosen(only: str, own: Sequence[TunedLaw]) -> dict[str, TunedLaw]:
 def _usable(task: TuningTask, wanted: int) -> list[int]:
     """Numbers of the first usable draws, or of every one."""
     numbers = range(MOST_DRAWS_PER_PLANT * wanted)
-    found = [*islice((k for k in numbers if task.any_plant or usable(task.draw(k))), wanted)]
+    found = [*islice((k for k in numbers if task.any_plant or bench.usable(task.draw(k))), wanted)]
     if len(found) < wanted:
         message = f"stable with {task.gains_told} gains are only {len(found)} of {len(numbers)} plants drawn"
         narrower = ", or a smaller --spread" if task.loaded.around else ""
@@ -207,7 +207,7 @@ def _miss(row: Json) -> float:
 def lost_to_special_case(rows: Sequence[Json]) -> Iterator[Json]:
     """Yield where a law does worse than its own special case, handed on to it: a failure of the search."""
     errors = {key: [*_errors(row), np.inf][0] for key, row in _by_place(rows).items() if not row["alone"]}
-    for equal, key in product(EQUIVALENCES, errors):
+    for equal, key in product(bench.EQUIVALENCES, errors):
         general = (equal.target, *key[1:])
         if equal.exact and key[0] == equal.source and errors.get(general, -np.inf) > errors[key] + SAME:
             yield dict(zip(_KEY, general, strict=True)) | {"to": equal.source}

@@ -11,7 +11,7 @@ from support.pages import DOCS, NEEDS_DOCS
 
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.published import METRICS, published
-from tendonrepro.identification.goal import printed_numbers
+from tendonrepro.identification.bench import printed_numbers
 from tendonrepro.physics.metrics import STATUSES
 
 pytestmark = NEEDS_DOCS

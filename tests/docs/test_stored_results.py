@@ -20,14 +20,12 @@ from tendonrepro.configuration.ensemble import load_ensemble, load_plants
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.models.readings import PRINTED, SHOWN, default_readings, parse_reading
 from tendonrepro.configuration.published import published
-from tendonrepro.identification.bench import Repeats, bench_of
-from tendonrepro.identification.goal import printed_numbers
+from tendonrepro.identification.bench import Repeats, bench_of, printed_numbers
 from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.reporting.contents import read_shown
 from tendonrepro.simulation.batch import simulate_batch
-from tendonrepro.tuning.bench import ALL_RUNS, PUBLISHED, as_published, measure, usable
-from tendonrepro.tuning.laws import LAWS
+from tendonrepro.tuning.bench import ALL_RUNS, LAWS, PUBLISHED, as_published, measure, usable
 from tendonrepro.tuning.search import TuningEffort, TuningTask
 from tendonrepro.tuning.tuning import law_rows
 from tendonrepro.verdicts.judge import judge_all

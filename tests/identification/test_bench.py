@@ -25,9 +25,9 @@ from tendonrepro.identification.bench import (
     bench_of,
     in_order,
     log_misfit,
+    printed_numbers,
 )
 from tendonrepro.identification.figures import draw_numbers
-from tendonrepro.identification.goal import printed_numbers
 from tendonrepro.identification.report import number_rows, parameter_rows, shape_rows
 from tendonrepro.monte_carlo.population import population_of
 

@@ -18,8 +18,7 @@ from tendonrepro.configuration.ensemble import LoadedEnsemble, load_plants
 from tendonrepro.configuration.load import load_config
 from tendonrepro.console import QUIET
 from tendonrepro.errors import TendonreproError, UsageError
-from tendonrepro.identification.bench import Bench, Simulated, bench_of
-from tendonrepro.identification.goal import own_numbers
+from tendonrepro.identification.bench import Bench, Simulated, bench_of, own_numbers
 from tendonrepro.identification.report import known_rows
 from tendonrepro.results.traces import write_traces
 from tendonrepro.studies.lifecycle import carry_out

@@ -20,7 +20,7 @@ from tendonrepro.configuration.strict_yaml import read_text
 from tendonrepro.console import QUIET
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.loops import build_loops
-from tendonrepro.identification import goal
+from tendonrepro.identification import bench
 from tendonrepro.identification import study as identify_study
 from tendonrepro.identification.bench import Bench, Simulated
 from tendonrepro.reporting.contents import quantities
@@ -48,7 +48,7 @@ def identified(out, *, measure=cheap, paper=None, dry_run=False, force=False, jo
             patch.setattr(Bench, "measure", measure)
         patch.setattr(identify_study, "simulate_batch", made_up)
         asked = FULL | asked | {"jobs": jobs}
-        patch.setattr(goal, "published", lambda: paper or made_up_paper())
+        patch.setattr(bench, "published", lambda: paper or made_up_paper())
         study = COMMANDS["identify"].prepare(**asked, out=out, force=force)
         return carry_out(study, QUIET, dry_run=dry_run).data
 

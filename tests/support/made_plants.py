@@ -7,8 +7,7 @@ import numpy as np
 from tendonrepro.configuration.ensemble import load_ensemble
 from tendonrepro.configuration.models.control import RUNS
 from tendonrepro.configuration.published import METRICS, published, row_of
-from tendonrepro.identification.bench import Simulated
-from tendonrepro.identification.goal import printed_numbers
+from tendonrepro.identification.bench import Simulated, printed_numbers
 from tendonrepro.physics.metrics import STATUSES
 from tendonrepro.simulation.batch import Batch
 from tendonrepro.simulation.streaming import STATISTICS

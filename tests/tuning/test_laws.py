@@ -21,20 +21,18 @@ from tendonrepro.simulation.loop import TimeDelayController
 from tendonrepro.simulation.stepper import simulate
 from tendonrepro.tuning.bench import (
     CONDITIONS,
+    EQUIVALENCES,
     KNOWN,
+    LAWS,
     PUBLISHED,
     Candidate,
+    Equivalence,
+    Gains,
     TrialPlants,
     known_along,
     loops_of,
     measure,
     posed,
-)
-from tendonrepro.tuning.laws import (
-    EQUIVALENCES,
-    LAWS,
-    Equivalence,
-    Gains,
     super_twisting,
     tuned_user_law,
 )

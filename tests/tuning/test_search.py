@@ -14,8 +14,7 @@ from scipy.optimize import minimize_scalar
 
 from tendonrepro.physics.control import Surface
 from tendonrepro.tuning import bench
-from tendonrepro.tuning.bench import PUBLISHED, Candidate, Performance, TrialPlants
-from tendonrepro.tuning.laws import RANGES, TunedLaw
+from tendonrepro.tuning.bench import PUBLISHED, RANGES, Candidate, Performance, TrialPlants, TunedLaw
 from tendonrepro.tuning.search import Seen, Tuning, TuningEffort, best, costs
 
 PRICE = 1e-6

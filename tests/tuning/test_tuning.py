@@ -20,9 +20,10 @@ from tendonrepro.errors import UsageError
 from tendonrepro.physics import error_rate, time_delay_estimate
 from tendonrepro.simulation.loop import TimeDelayController
 from tendonrepro.simulation.stepper import simulate
-from tendonrepro.tuning import bench, search, tuning
+from tendonrepro.tuning import bench, tuning
 from tendonrepro.tuning.bench import (
     CONDITIONS,
+    LAWS,
     PUBLISHED,
     Candidate,
     Performance,
@@ -32,7 +33,6 @@ from tendonrepro.tuning.bench import (
     measure,
     posed,
 )
-from tendonrepro.tuning.laws import LAWS
 from tendonrepro.tuning.search import CAPS, TuningEffort, TuningTask
 from tendonrepro.tuning.tuning import (
     FEWEST,
@@ -63,7 +63,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Three laws under one condition, so that a tuning takes seconds."""
     monkeypatch.setattr(tuning, "LAWS", {name: LAWS[name] for name in ("pid", "tsm", "ntsm")})
     monkeypatch.setattr(tuning, "QUESTIONS", (("ntsm", "tsm"), ("tsm", "pid")))
-    for module in (search, tuning):
+    for module in (bench, tuning):
         monkeypatch.setattr(module, "CONDITIONS", (PUBLISHED,))
 
 

@@ -19,8 +19,8 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.models.control import run_in_words
 from tendonrepro.configuration.published import METRICS
 from tendonrepro.files import Json
+from tendonrepro.identification.bench import Goal
 from tendonrepro.identification.edits.rules import Variant, Variants
-from tendonrepro.identification.goal import Goal
 from tendonrepro.monte_carlo.shares import rate_of
 from tendonrepro.results.summary import NOISE, noise_covariance, with_noise
 from tendonrepro.results.tables import Table

@@ -15,10 +15,10 @@ from tendonrepro.configuration.models.readings import PRINTED, Reading, parse_re
 from tendonrepro.configuration.published import METRICS
 from tendonrepro.errors import UsageError
 from tendonrepro.experiments.user_law import UserLaw, with_user_laws
+from tendonrepro.identification.bench import Goal, goal_of, with_input
 from tendonrepro.identification.edits.rank import APART, SCHEMA_VERSION, Outcomes, edits_result
 from tendonrepro.identification.edits.recorded import EditedLaw
 from tendonrepro.identification.edits.rules import Variants, controller_of, law_of, variants_of
-from tendonrepro.identification.goal import Goal, goal_of, with_input
 from tendonrepro.monte_carlo import kept
 from tendonrepro.monte_carlo.kept import PLANTS_AT_ONCE, Piece, cost_of, identity_of, study_on_plants
 from tendonrepro.monte_carlo.population import population_of
