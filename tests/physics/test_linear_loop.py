@@ -45,21 +45,20 @@ def shipped(*overrides):
     return load_config("plain", "compare", overrides=overrides).config
 
 
-def single_joint(motor_inertia, link_inertia, stiffness, damping, D_m, weight=0.0):
-    """Plant with one joint, a winch that turns as it does, and a horizontal link of given weight moment."""
-    no_friction = Friction(0.0 * ONE, 0.0 * ONE, ONE, ONE, ONE)
+def single_joint(motor_inertia, link_inertia, stiffness, damping):
+    """Plant with one joint, a winch that turns as it does, and a link without weight."""
     zero = 0.0 * ONE
+    no_friction = Friction(zero, zero, ONE, ONE, ONE)
     drive = Drive(
         S=np.eye(1),
         S_inv=np.eye(1),
         inertia=motor_inertia * ONE,
         stiffness=stiffness * ONE,
         damping=damping * ONE,
-        friction=no_friction._replace(viscous=D_m * ONE),
+        friction=no_friction,
         **dict.fromkeys(("slack", "one_way", "pulley_loss", "reducer_loss", "wobble", "wobble_rate"), zero),
     )
-    arm = Arm(link_inertia * np.eye(1), weight * ONE, 0.5 * np.pi * ONE)
-    return Plant(arm, drive, no_friction, zero, no_disturbance(1))
+    return Plant(Arm(link_inertia * np.eye(1), zero, zero), drive, no_friction, zero, no_disturbance(1))
 
 
 def single_law(alpha, newest=1):
@@ -196,44 +195,21 @@ class TestShippedPlant:
             assert brentq(rate, 1.0, 6.0, xtol=1e-5) == pytest.approx(known, abs=6e-4)
 
 
-class TestRigidLimit:
-    """Smallest total inertia that M_bar = 0.01 kg m² tolerates."""
+@pytest.mark.parametrize(
+    ("newest", "known"), [(1, [0.01226, 0.01118, 0.01034]), (0, [0.00505, 0.00461, 0.00430])]
+)
+def test_smallest_inertia_that_a_rigid_arm_needs(newest, known):
+    """For M_bar = 0.01 kg m² and α of 0, 0.1, 0.2: roots of a polynomial worked out by hand."""
 
-    @staticmethod
-    def radius(inertia, alpha, newest):
-        """Spectral radius from the loop's polynomial in the delay z = exp(-pL), without any state space.
-
-        Torque: (1 - z)(1 + alpha z) tau = M_bar [u - ((1 - alpha) + alpha z) z^newest (1 - z)^2 q / L^2].
-        Rigid arm, torque held: (1 - z)^2 q = L^2 / (2 J) (z + z^2) tau.
-        """
-        poly = np.polynomial.Polynomial
-        z = poly([0.0, 1.0])
-        u = -16.0 - 10.0 * (1.0 - z) / L
-        delayed = (1.0 - alpha + alpha * z) * z**newest * (1.0 - z) ** 2 / L**2
-        loop = L**2 / (2.0 * inertia) * (z + z**2) * 0.01 * (u - delayed)
-        characteristic = (1.0 - z) ** 3 * (1.0 + alpha * z) - loop
-        return 1.0 / np.abs(characteristic.roots()).min()
-
-    def limits(self, radius):
-        return [brentq(lambda J, a=a: radius(J, a) - 1.0, 0.003, 0.05, xtol=1e-9) for a in (0.0, 0.1, 0.2)]
-
-    @staticmethod
-    def stiff(inertia):
-        """Critically damped tendon of 1e8 N m/rad: its motion dies within a hundredth of a sample."""
+    def rate(inertia, alpha):
+        # A critically damped tendon of 1e8 N m/rad: its motion dies within a hundredth of a sample.
         half, stiffness = 0.5 * inertia, 1e8
-        return single_joint(half, half, stiffness, 2.0 * np.sqrt(0.5 * half * stiffness), 0.0)
+        plant = single_joint(half, half, stiffness, 2.0 * np.sqrt(0.5 * half * stiffness))
+        return decay_rate([np.zeros(1)], plant, single_law(alpha, newest))
 
-    @pytest.mark.parametrize(
-        ("newest", "known"), [(1, [0.01226, 0.01118, 0.01034]), (0, [0.00505, 0.00461, 0.00430])]
-    )
-    def test_smallest_inertia(self, newest, known):
-        from_polynomial = self.limits(lambda J, a: self.radius(J, a, newest))
-        from_matrix = self.limits(
-            lambda J, a: np.exp(-L * decay_rate([np.zeros(1)], self.stiff(J), single_law(a, newest)))
-        )
-        np.testing.assert_allclose(from_polynomial, known, atol=6e-6)
-        # 1e8 N m/rad is not quite rigid.
-        np.testing.assert_allclose(from_matrix, from_polynomial, rtol=1e-3)
+    limits = [brentq(rate, 0.003, 0.05, args=(alpha,), xtol=1e-9) for alpha in (0.0, 0.1, 0.2)]
+    # 1e8 N m/rad is not quite rigid.
+    np.testing.assert_allclose(limits, known, rtol=2e-3)
 
 
 class TestModes:

@@ -81,6 +81,8 @@ class TestTensioner:
         for force in np.linspace(0.0, 5.0, 23):
             tense = (without + per_newton[:, np.newaxis] * force >= 0.1).all(axis=0)
             assert (tense == ((least <= force) & (force <= largest))).all()
+        unbounded = force_window(np.ones((2, 3)), np.zeros(2))
+        assert np.array_equal(unbounded, [np.zeros(3), np.full(3, np.inf)])
 
 
 class TestLosses:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.oracles import FEATURES, random_plant, random_state
+from support.oracles import FEATURES, random_plant
 
 from tendonrepro.arrays import Array, choose
 from tendonrepro.physics.control import command
@@ -15,8 +15,8 @@ from tendonrepro.physics.dynamics import Plant, state_derivative
 from tendonrepro.simulation.codegen import elementary
 from tendonrepro.simulation.codegen.lanes import LaneRows, LaneTape, aligned, signature, stacked
 from tendonrepro.simulation.codegen.machine import LANES, assembled, callable_code
-from tendonrepro.simulation.codegen.symbols import Tape, as_operand, needed
-from tendonrepro.simulation.kernel import advance_code, experiment_rows, runge_kutta, single_code
+from tendonrepro.simulation.codegen.symbols import Tape, needed
+from tendonrepro.simulation.kernel import advance_code, runge_kutta, single_code
 from tendonrepro.simulation.resolution import demand
 
 SAMPLE, T = 7.0, 0.4
@@ -207,55 +207,3 @@ def test_code_is_written_once_for_plants_with_the_same_features() -> None:
     for plant, kept in ((first, rows), (second, others)):
         assert plant.drive.inertia[0].tolist() in [values.tolist() for values in kept.constants.values()]
     assert signature(stacked([random_plant(2, 1, frozenset()).plant] * 2)) != signature(first)
-
-
-# ---- Another compiler --------------------------------------------------------------------------------------
-
-WRITTEN = {
-    # No branch: numba takes minutes for hundreds of them.
-    "choose": "({2}, {1})[int({0} != 0.0)]",
-    "negative": "-{0}",
-    "exp2": "2.0 ** {0}",
-    "alternating": "1.0 - 2.0 * ({0} % 2.0)",
-    "mantissa": "math.frexp({0})[0]",
-    "exponent": "float(math.frexp({0})[1])",
-    **{name: f"math.{name}({{0}})" for name in ("sqrt", "floor")},
-    "abs": "abs({0})",
-    **{operator: f"{{0}} {operator} {{1}}" for operator in "+-*/"},
-    **{operator: f"1.0 * ({{0}} {operator} {{1}})" for operator in (">=", ">", "<=", "<")},
-    "sample": "k",
-    "time": "t",
-}
-"""An operation in Python."""
-
-
-@pytest.mark.slow
-def test_the_slope_of_a_plant_is_that_of_numba() -> None:
-    """The tape as a function of Python, compiled by another compiler."""
-    import numba
-
-    plant = random_plant(2, 5, FEATURES).plant
-    code = LaneTape(experiment_rows(2))
-    x, t = code.symbols(stacked([plant])), code.write("time")
-    slope = state_derivative(t, code.read("state", 8), code.read("torque", 2), x)  # type: ignore[arg-type]
-    code.leave("slope", slope)
-    values = {row: as_operand(value) for row, value in code.results.items()}
-    body = []
-    for name in needed(code.lines, values.values()):
-        operation, operands = code.lines[name]
-        text = f"w[{int(operands[0])}]" if operation == "row" else WRITTEN[operation].format(*operands)
-        body.append(f"    {name} = {text}")
-    body += [f"    w[{row}] = {value}" for row, value in values.items()]
-    scope: dict[str, Any] = {}
-    exec("\n".join(("import math", "def tape(w, k, t):", *body)), scope)
-
-    before = filled(code.rows)[:, 0]
-    before[:8], before[8:10] = random_state(2, np.random.default_rng(4)), (1.0, -2.0)
-    expected, source = before.copy(), code.source("sample")
-    numba.njit(scope["tape"])(expected, SAMPLE, T)
-    w = filled(code.rows)
-    w[:10] = before[:10, np.newaxis]
-    run(source, w, "prepare", "sample")
-    assert (w == w[:, :1]).all()
-    rows = [*values]
-    np.testing.assert_allclose(w[rows, 0], expected[rows], rtol=1e-11, atol=1e-12)

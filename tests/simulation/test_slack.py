@@ -5,8 +5,6 @@ import pytest
 
 from tendonrepro.configuration.load import load_config
 from tendonrepro.experiments.loops import build_loops
-from tendonrepro.physics import drive, dynamics
-from tendonrepro.physics.dynamics import holding_torque, rest_state
 from tendonrepro.physics.statics import slack_time, tendon_tension
 from tendonrepro.simulation.batch import simulate_batch
 from tendonrepro.simulation.stepper import simulate
@@ -65,15 +63,3 @@ def test_a_preload_that_keeps_all_tense_leaves_every_bit():
         assert (values == runs["on"][name]).all(), name
     batch = {unilateral: simulate_batch([loop], record=True).traces[0] for unilateral, loop in loops.items()}
     assert batch["on"]["q"] == pytest.approx(batch["off"]["q"], abs=1e-12)
-
-
-def test_a_tendon_that_would_push_at_rest_has_no_torque():
-    loop = run_of("on", "manipulator.tensioner.force=0")
-    light = loop.plant._replace(arm=loop.plant.arm._replace(b=-np.ones(2)))
-    state, torque = rest_state(np.zeros(2), light), holding_torque(np.zeros(2), light)
-    winch = drive.to_winch_torque(torque, light.drive)
-    carried = drive.tendon_torque(*np.split(state, 4), light.drive)
-    assert winch == pytest.approx(carried, abs=1e-9)
-    assert (winch >= -1e-12).all()
-    pushed = drive.to_winch_torque(dynamics.load_at_rest(np.zeros(2), light), light.drive)
-    assert (pushed < 0.0).any()

@@ -173,15 +173,11 @@ class TestEquivalence:
         [
             (),
             ("manipulator.actuator.output_delay=2", "control.readings.stored_torque=applied"),
-            ("manipulator.actuator.output_delay=1", "manipulator.actuator.torque_resolution=0.016"),
             ("manipulator.actuator.torque_limit=[1, 0.5, 0.5]", "control.readings.delay_time=two_periods"),
             ("control.readings.feedback=motor", "manipulator.encoders.motor.noise=0.01"),
-            ("manipulator.encoders.joint.noise=0.01", "manipulator.actuator.torque_noise=0.02"),
             ("control.readings.start=cold", "status.divergence_limit=0.5"),
-            ("control.readings.phi_branch=printed", "control.readings.differencing=centred"),
             ("control.readings.phi_branch=power", "control.readings.gain_unit=law_in_degrees"),
             ("control.readings.torque_coordinates=winch", "control.readings.error_rate=difference_of_error"),
-            ("control.readings.estimate_filter=acceleration",),
             ("control.readings.estimate_filter=estimate",),
         ],
     )

@@ -46,7 +46,6 @@ class Browser:
             self._stop()
             raise
         self._address += f"/session/{made['sessionId']}"
-        self._ask("POST", "/timeouts", {"script": 60_000})
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -85,10 +84,6 @@ class Browser:
     def run(self, script: str, *arguments: Any) -> Any:
         """What a script in the page returns."""
         return self._ask("POST", "/execute/sync", {"script": script, "args": list(arguments)})
-
-    def wait_for(self, script: str, *arguments: Any) -> Any:
-        """What a script in the page gives to the callback that is its last argument."""
-        return self._ask("POST", "/execute/async", {"script": script, "args": list(arguments)})
 
     def keys(self, selector: str, text: str) -> None:
         """Type into an element; U+E014 and the like are keys without a letter."""
