@@ -166,6 +166,21 @@ def test_it_ends_where_it_is_fixed(tendon, seed):
         assert path_points(path, place)[-1] == pytest.approx(path.centre[place, -1] + radius * link)
 
 
+def test_a_chain_hangs_down_and_turns_clockwise_to_the_left():
+    joints = joint_positions(np.array([1.0, 2.0]), np.array([0.0, np.pi / 2.0]))
+    assert joints == pytest.approx(np.array([[0.0, 0.0], [0.0, -1.0], [-2.0, -1.0]]))
+
+
+def test_a_tendon_lies_around_a_pulley_no_oftener_than_it_must():
+    """Past a pulley that it only touches not at all, and elsewhere less than once in some posture."""
+    touched = np.array([[[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]])
+    assert tendon_path(touched, np.full(3, 0.1), np.full(1, -np.pi / 2.0)).wrap == pytest.approx(
+        0.0, abs=1e-12
+    )
+    q, routing, length = sweep(4, 0)
+    assert (path_of(3, q, routing, length).wrap.min(axis=0) < 2.0 * np.pi).all()
+
+
 def test_circles_that_overlap_are_refused():
     for apart in (0.1, 0.16):
         with pytest.raises(ValueError, match=r"^circles overlap$"):
