@@ -19,11 +19,10 @@ WAVES = np.stack([np.sin(TIMES), np.cos(TIMES)], axis=1)
 WRITERS = {
     "5": made.classic,
     "7": partial(made.classic, packed=True),
-    "7.3": made.hdf,
     "objects 7": partial(made.objects, version="v7"),
     "objects 7.3": partial(made.objects, version="v7.3"),
 }
-NESTED = pytest.mark.parametrize("version", ["5", "7", "7.3"])
+NESTED = pytest.mark.parametrize("version", WRITERS)
 OBJECTS = pytest.mark.parametrize("version", ["objects 7", "objects 7.3"])
 
 

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import pytest
 from scipy.io import savemat
@@ -21,44 +20,10 @@ def classic(path: Path, variables: Mapping[str, Any], *, packed: bool = False) -
     return _headed(path, b"MATLAB 5.0 MAT-file, ")
 
 
-def _headed(path: Path, kind: bytes, after: bytes = b"") -> Path:
+def _headed(path: Path, kind: bytes) -> Path:
     with path.open("r+b") as file:
-        file.write((kind + NOTE).ljust(116) + after)
+        file.write((kind + NOTE).ljust(116))
     return path
-
-
-def hdf(path: Path, variables: Mapping[str, Any]) -> Path:
-    """MATLAB 7.3, member by member: arrays transposed, cells as references, a header before the HDF5 data."""
-    with h5py.File(path, "w", userblock_size=512) as file:
-        file.create_group("#refs#")
-        for name, value in variables.items():
-            put(file, file, name, value)
-    return _headed(path, b"MATLAB 7.3 MAT-file, ", bytes(8) + b"\x00\x02IM")
-
-
-def put(file: h5py.File, group: h5py.Group, name: str, value: Any) -> Any:
-    if isinstance(value, Mapping):
-        kind, node = "struct", group.create_group(name)
-        for key, item in value.items():
-            put(file, node, key, item)
-        fields = np.empty(len(value), dtype=h5py.vlen_dtype(np.dtype("S1")))
-        for number, key in enumerate(value):
-            fields[number] = np.array(list(key.encode()), np.uint8).view("S1")
-        node.attrs.create("MATLAB_fields", fields)
-    elif isinstance(value, list):
-        refs = file["#refs#"]
-        cells = [put(file, refs, f"r{len(refs)}", item).ref for item in value]
-        kind, node = "cell", group.create_dataset(name, data=np.array([cells], h5py.ref_dtype).T)
-    elif isinstance(value, str):
-        codes = np.frombuffer(value.encode("utf-16-le"), np.uint16)[:, None]
-        kind, node = "char", group.create_dataset(name, data=codes)
-        node.attrs["MATLAB_int_decode"] = np.int32(2)
-    else:
-        array = np.atleast_2d(value)
-        kind = {"float64": "double", "float32": "single"}.get(array.dtype.name, array.dtype.name)
-        node = group.create_dataset(name, data=array.T)
-    node.attrs["MATLAB_class"] = np.bytes_(kind)
-    return node
 
 
 def thing(kind: str, **properties: Any) -> Any:

@@ -9,12 +9,12 @@ import hashlib
 import json
 import re
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any
-from urllib.parse import quote, unquote, urlsplit
+from typing import Any, TypeAlias
+from urllib.parse import unquote, urlsplit
 
 RECORD, CONCEPT = 1000002, 1000001
 TITLE = "SYNTHETIC record for tests of the download"
@@ -25,19 +25,31 @@ SMALL = {
     "SYNTHETIC empty.txt": b"",
 }
 ONE = {"SYNTHETIC run.bin": bytes(range(256)) * 800}
+Answers: TypeAlias = dict[str, tuple[int, bytes]]
+"""Status and body by the name of a bad day."""
+OF_ALL: Answers = {"refused": (403, PAGE)}
+OF_FILES: Answers = {
+    "closed_content": (403, b'{"message": "Permission denied."}'),
+    "page_content": (200, PAGE),
+}
+OF_RECORDS: Answers = {
+    "deleted": (410, b'{"message": "Record deleted"}'),
+    "page": (200, PAGE),
+    "broken_json": (200, b'{"id": 10000'),
+}
+PASSING: Answers = {"busy": (429, b'{"message": "30 per 1 minute"}'), "gateway": (504, PAGE)}
 
 
 @dataclass
 class Repository:
     """One record, how it is told, and what went on.
 
-    `modes` are names of the bad days below; `failures` is how often those that pass come back.
+    `modes` are names of bad days; `failures` is how often those that pass come back.
     """
 
     files: dict[str, bytes] = field(default_factory=lambda: dict(SMALL))
     modes: set[str] = field(default_factory=set)
     failures: int = 10**6
-    retry_after: str | None = "0"
     cut_at: int = 50_000
     url: str = ""
     log: list[tuple[str, dict[str, str]]] = field(default_factory=list)
@@ -59,21 +71,14 @@ class Repository:
         return f"md5:{hashlib.md5(content + wrong).hexdigest()}"
 
     def record(self) -> dict[str, Any]:
-        place = f"{self.url}/api/records/{RECORD}/files"
         hidden = self.modes & {"restricted", "closed_files"}
         shown = [
             {"key": key, "size": len(content), "checksum": self.checksum(content)}
-            | {"links": {"self": f"{place}/{quote(key)}/content"}}
             for key, content in self.files.items()
             if not hidden
         ]
-        meta: dict[str, Any] = {"title": TITLE, "version": "v1", "license": {"id": "cc-by-4.0"}}
-        meta["access_right"] = "restricted" if "restricted" in self.modes else "open"
-        parent = {"pid_type": "recid", "pid_value": str(CONCEPT)}
-        meta["relations"] = {"version": [{"index": 0, "is_last": True, "parent": parent}]}
-        head = {"id": RECORD, "recid": str(RECORD), "conceptrecid": str(CONCEPT)}
-        dois = {"doi": f"10.5281/zenodo.{RECORD}", "conceptdoi": f"10.5281/zenodo.{CONCEPT}"}
-        return head | dois | {"title": TITLE, "metadata": meta, "files": shown, "swh": None}
+        meta = {"title": TITLE, "version": "v1", "license": {"id": "cc-by-4.0"}}
+        return {"id": RECORD, "doi": f"10.5281/zenodo.{RECORD}", "metadata": meta, "files": shown}
 
 
 class Handler(BaseHTTPRequestHandler):
@@ -90,95 +95,58 @@ class Handler(BaseHTTPRequestHandler):
         repository = self.server.repository
         headers = {key.lower(): value for key, value in self.headers.items()}
         repository.log.append((self.path, headers))
-        agent = headers.get("user-agent", "")
         path = unquote(urlsplit(self.path).path)
-        if not agent or agent.startswith("python-requests") or "refused" in repository.modes:
-            self.send(403, PAGE, "text/html")
-        elif repository.fails("busy"):
-            extra = {"Retry-After": repository.retry_after} if repository.retry_after is not None else {}
-            self.send_json(429, {"message": "30 per 1 minute", "status": 429}, extra)
-        elif repository.fails("gateway"):
-            self.send(504, PAGE, "text/html")
-        elif found := re.fullmatch(rf"/api/records/{RECORD}/files/(.+)/content", path):
-            self.send_file(found[1])
+        found = re.fullmatch(rf"/api/records/{RECORD}/files/(.+)/content", path)
+        bad = OF_FILES if found else OF_RECORDS
+        agent = headers.get("user-agent", "")
+        if not agent or agent.startswith("python-requests"):
+            self.send(*OF_ALL["refused"])
+        elif passing := next(filter(repository.fails, PASSING), None):
+            self.send(*PASSING[passing], {"Retry-After": "0"})
+        elif lasting := next((mode for mode in {**OF_ALL, **bad} if mode in repository.modes), None):
+            self.send(*{**OF_ALL, **bad}[lasting])
+        elif found and found[1] in repository.files:
+            self.send_bytes(repository.files[found[1]])
+        elif path == f"/api/records/{CONCEPT}":
+            self.send(302, b"", {"Location": f"{repository.url}/api/records/{RECORD}"})
+        elif path == f"/api/records/{RECORD}":
+            self.send(200, json.dumps(repository.record()).encode())
         else:
-            self.send_record(path)
-
-    def send_record(self, path: str) -> None:
-        repository = self.server.repository
-        modes = repository.modes
-        if path == f"/api/records/{CONCEPT}":
-            self.send(302, b"", "text/html", {"Location": f"{repository.url}/api/records/{RECORD}"})
-        elif path != f"/api/records/{RECORD}":
-            self.send_json(404, {"status": 404, "message": "The persistent identifier does not exist."})
-        elif "deleted" in modes:
-            stone = {"note": "SYNTHETIC note: withdrawn", "removal_reason": {"id": "retracted"}}
-            self.send_json(410, {"status": 410, "message": "Record deleted", "tombstone": stone})
-        elif "page" in modes:
-            self.send(200, PAGE, "text/html")
-        elif "broken_json" in modes:
-            self.send(200, b'{"id": 10000', "application/json")
-        else:
-            self.send_json(200, repository.record())
-
-    def send_file(self, key: str) -> None:
-        repository = self.server.repository
-        modes = repository.modes
-        content = repository.files.get(key)
-        if content is None:
-            self.send_json(404, {"status": 404, "message": f"Record '{RECORD}' has no file '{key}'."})
-        elif "closed_content" in modes:
-            self.send_json(403, {"status": 403, "message": "Permission denied."})
-        elif "page_content" in modes:
-            self.send(200, PAGE, "text/html; charset=utf-8")
-        else:
-            self.send_bytes(content + b"more" if "longer" in modes else content)
+            self.send(404, b'{"message": "The persistent identifier does not exist."}')
 
     def send_bytes(self, content: bytes) -> None:
         repository = self.server.repository
         modes = repository.modes
-        headers = {"Accept-Ranges": "bytes", "Retry-After": "60"}
+        content += b"more" if "longer" in modes else b""
+        headers = {"Accept-Ranges": "bytes"}
         asked = re.fullmatch(r"bytes=([0-9]+)-", self.headers.get("Range", ""))
         start = int(asked[1]) if asked and "no_range" not in modes else 0
         if start:
             headers["Content-Range"] = f"bytes {start}-{len(content) - 1}/{len(content)}"
             content = content[start:]
-        status = 206 if start else 200
         cut, stuck = repository.fails("cut"), repository.fails("stuck")
         stop = repository.cut_at if cut or stuck else None
-        length = cut or stuck or "chunked" not in modes
-        self.send(status, content, "application/octet-stream", headers, stop=stop, wait=stuck, length=length)
-
-    def send_json(self, status: int, tree: Any, extra: dict[str, str] | None = None) -> None:
-        self.send(status, json.dumps(tree).encode(), "application/json", extra)
+        self.send(206 if start else 200, content, headers, stop)
+        if stuck:
+            repository.release.wait(30.0)
 
     def send(
-        self,
-        status: int,
-        content: bytes,
-        kind: str,
-        extra: dict[str, str] | None = None,
-        *,
-        stop: int | None = None,
-        wait: bool = False,
-        length: bool = True,
+        self, status: int, content: bytes, extra: Mapping[str, str] | None = None, stop: int | None = None
     ) -> None:
-        """Answer; `stop` ends the body early, `wait` keeps the line open after that."""
+        """Answer; `stop` ends the body early."""
         self.send_response(status)
-        self.send_header("Content-Type", kind)
+        is_page = content.startswith(b"<html>")
+        self.send_header("Content-Type", "text/html; charset=utf-8" if is_page else "application/json")
         for name, value in (extra or {}).items():
             self.send_header(name, value)
-        if length:
-            self.send_header("Content-Length", str(len(content)))
-        else:
+        if stop is None and "chunked" in self.server.repository.modes:
             self.send_header("Connection", "close")
+        else:
+            self.send_header("Content-Length", str(len(content)))
         self.end_headers()
         self.wfile.write(content[:stop])
         self.wfile.flush()
-        if wait:
-            self.server.repository.release.wait(30.0)
-        if stop is not None:
-            self.close_connection = True
+        self.close_connection = self.close_connection or stop is not None
 
 
 class Server(ThreadingHTTPServer):
