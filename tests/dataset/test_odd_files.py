@@ -100,6 +100,14 @@ def thousands():
     return f"t (ms);q2_d (deg);q2 (deg)\n{rows}"
 
 
+def clocked(form):
+    """Times of day, as of a measurement that takes four seconds before noon."""
+    day = [form.format(56.0 + t) for t in T]
+    return HEADS.replace(" (s)", "", 1) + "".join(
+        f"{clock},{row}\n" for clock, row in zip(day, lines(NUMBERS[:, 1:]).splitlines(), strict=True)
+    )
+
+
 PREAMBLE = "".join(f"Parameter {k},{1.5 * k}\n" for k in range(70))
 BARE = "time(s),q2 desired(deg),q2 actual(deg),q3_d(deg),q3(deg)\n"
 CHINESE = "时间(s),关节2期望角度(deg),关节2实际角度(deg),关节3期望角度(deg),关节3实际角度(deg)\n"
@@ -191,6 +199,8 @@ PLAIN = {
     "LabVIEW without times": (".lvm", labview(NAMES[1:], X_Columns="No"), MAE),
     "tab text named xls": (".xls", "\t".join(NAMES) + "\n" + lines(separator="\t"), MAE),
     "durations of Excel": (".xlsx", durations, MAE),
+    "durations": (".csv", clocked("0:59:{:06.3f}"), MAE),
+    "dates": (".csv", clocked("2026-11-29T11:59:{:06.3f}"), MAE),
     "names beside a block": (".mat", with_names, MAE),
 }
 
@@ -398,6 +408,13 @@ def test_rounded_times_that_repeat(tmp_path):
     assert "step_s" in str(caught.value.hint)
 
 
+def test_a_table_without_times_asks_for_their_step(tmp_path):
+    rest = HEADS.partition(",")[2] + lines(NUMBERS[:, 1:])
+    found, runs, _ = ingested(tmp_path, ".csv", rest, lambda text: text.replace("STEP", "0.01"))
+    assert mae(found) == MAE
+    assert runs["controller_1"].time[-1] == pytest.approx(3.99)
+
+
 def test_a_unit_row_with_a_unit_that_is_not_known(tmp_path):
     head = "Index:;0x60;0x61\n;Position demand q2;Position actual q2\nms;inc;inc\n"
     rows = np.column_stack([1e3 * T, 100.0 * DESIRED[2], 100.0 * ACTUAL[2]])
@@ -584,6 +601,16 @@ def test_desired_angles_of_their_own_file_are_given_to_every_controller(tmp_path
     for k in (1, 2):
         assert mae(found, f"controller_{k}") == [k * MAE[0]]
     assert mapping.count("desired angles from") == 2
+
+
+def test_desired_angles_alone_are_a_run(tmp_path):
+    """Each joint's in a file of its own, as curves of a figure are."""
+    (tmp_path / "SYNTHETIC").mkdir()
+    for joint in (2, 3):
+        columns = {"t (s)": T, f"q{joint}_d (deg)": DESIRED[joint]}
+        pd.DataFrame(columns).to_csv(tmp_path / "SYNTHETIC" / f"curve{joint}.csv", index=False)
+    found, _, _ = ingested_from(tmp_path / "SYNTHETIC")
+    assert {name: run["joints"] for name, run in found["runs"].items()} == {"desired": [2, 3]}
 
 
 def test_a_standstill_is_left_out_as_validate_leaves_it_out(tmp_path):
