@@ -97,7 +97,7 @@ def largest_ratios(ensemble: EnsembleData) -> Iterator[tuple[str, Any]]:
 
 
 def least_misfits(most: float) -> dict[str, float]:
-    """Least misfit to Tables 2 and 3, see `identification.misfit`, that the bounds allow, by interpretation.
+    """Least misfit to Tables 2 and 3, see `identification.bench`, that the bounds allow, by interpretation.
 
     Controller 3's RMSE is at most `most` times Controller 2's, unless Delta is in degrees; Controller 1's is at least that
     of Controller 2, unless both share another error. Mean errors are free. ``slow loads`` has both ratios, of all errors,
