@@ -123,9 +123,6 @@ class Draft:
             message = "a configuration is a mapping of keys, beginning with 'schema_version: 1'"
             raise ConfigError(message, where=str(self.place(())))
         kind = tree.get("experiment", MANIPULATOR if {"routing", "base"} & tree.keys() else None)
-        if "base" in tree and "experiment" not in tree and wanted in MODELS:
-            needed = f"write 'experiment: {wanted}'; a file with a base and no experiment is an arm"
-            self.refuse(("experiment",), f"missing key: {needed}")
         allowed = [wanted] if wanted else KINDS
         if kind not in allowed:
             hint = did_you_mean(kind, allowed)

@@ -115,21 +115,17 @@ def _apply(tree: Map, change: Override) -> None:
 
 def _refuse_ending(tree: Map, change: Override) -> None:
     """Refuse a path that is only the end of others, and name these; it may lack the value of a quantity."""
-    asked = _without_value(change.path)
-    ending = [path for path in strict_yaml.paths(tree) if _without_value(path)[-len(asked) :] == asked]
-    ending = [path for path in ending if path[-1] == change.path[-1]]
+    asked = [part for part in change.path if part != "value"]
+    ending = [
+        path
+        for path in strict_yaml.paths(tree)
+        if path[-1] == change.path[-1] and [part for part in path if part != "value"][-len(asked) :] == asked
+    ]
     if ending:
-        # First a key inside something that is named after it: the payload of the run with payload.
-        ending.sort(key=lambda path: not any(str(asked[0]) in str(part) for part in path[: -len(asked)]))
         name = change.option.removeprefix("--set ")
         above = name.removesuffix(_dotted(change.path))  # of a change inside an arm: its key
-        meant = " or ".join(repr(above + _dotted(path)) for path in ending[:3])
-        message = f"unknown key {name!r}, did you mean {meant}?"
-        raise ConfigError(message, where=change.option)
-
-
-def _without_value(path: Key) -> Key:
-    return tuple(part for part in path if part != "value") or path
+        meant = " or ".join(repr(above + _dotted(path)) for path in ending[:4])
+        raise ConfigError(f"unknown key {name!r}, did you mean {meant}?", where=change.option)
 
 
 def _below(node: Parsed, part: str | int, change: Override) -> Parsed:

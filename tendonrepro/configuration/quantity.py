@@ -191,10 +191,7 @@ class Physical:
 
     def _validate(self, raw: object, handler: ValidatorFunctionWrapHandler) -> object:
         if not isinstance(raw, dict | Model):
-            unit = f"'{self.units[0]}'" if self.units[0] == "1" else self.units[0]
-            number, _, told = raw.partition(" ") if isinstance(raw, str) else ("...", "", "")
-            number, unit = (number, told) if told in self.units else ("...", unit)
-            example = f"{{value: {number}, unit: {unit}, source: 'assumed: ...'}}"
+            example = f"{{value: ..., unit: '{self.units[0]}', source: 'assumed: ...'}}"
             strict_model.refuse(
                 f"must carry unit and source, as in {example}, found {strict_model.describe(raw)}"
             )

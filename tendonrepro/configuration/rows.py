@@ -259,8 +259,7 @@ def _of_runs(config: CompareConfig) -> Iterator[tuple[str, float]]:
         offset = config.runs[name].start_offset
         yield row, 0.0 if offset is None else offset.si[joint - 2]
     for name, row in readings.FRICTIONS.items():
-        scale = config.runs[name].friction_scale
-        yield row, 1.0 if scale is None else scale.si
+        yield row, config.runs[name].friction_factor
 
 
 def _of_motion(reference: ReferenceConfig) -> Iterator[tuple[str, float]]:

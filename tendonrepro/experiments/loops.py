@@ -13,7 +13,7 @@ import numpy as np
 from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import CompareConfig, Config, LoadedConfig
 from tendonrepro.configuration.models.control import RUNS, Gains, Readings
-from tendonrepro.configuration.models.experiment import MOST_SAMPLES, CompareRun, errors_from
+from tendonrepro.configuration.models.experiment import MOST_SAMPLES, errors_from
 from tendonrepro.configuration.models.readings import Reading, under
 from tendonrepro.configuration.models.reference import (
     InTurns,
@@ -253,7 +253,7 @@ def run_loop(config: CompareConfig, name: str, reference: DesiredMotion, once: O
     )
     loop = _loop(
         config,
-        once(rig.build_plant, plant_sections, config, run.payload.si, friction_scale(run)),
+        once(rig.build_plant, plant_sections, config, run.payload.si, run.friction_factor),
         once(rig.build_actuator, arm.actuator, config),
         TimeDelayController(once(build_law, law_sections, config, run.law)),
         reference,
@@ -316,11 +316,6 @@ def all_loops(loaded: LoadedConfig, laws: Sequence[UserLaw] = ()) -> dict[str, L
     return loops
 
 
-def friction_scale(run: CompareRun) -> float:
-    """Factor on the friction of a run."""
-    return 1.0 if run.friction_scale is None else run.friction_scale.si
-
-
 def reference_lag(config: CompareConfig) -> float:
     """Time constant by which laws get the reference's rates late, s."""
     lag = config.control.reference_lag
@@ -377,7 +372,7 @@ def run_views(config: CompareConfig) -> dict[str, View]:
     delay = int(config.manipulator.actuator.output_delay.si)
     views = {}
     for name, run in config.runs.items():
-        plant = rig.build_plant(config, run.payload.si, friction_scale(run))
+        plant = rig.build_plant(config, run.payload.si, run.friction_factor)
         views[name] = View(run.law, build_law(config, run.law), plant, run.payload.si, delay)
     return views
 

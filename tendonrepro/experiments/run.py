@@ -18,7 +18,7 @@ from tendonrepro.configuration.overrides import Overrides
 from tendonrepro.configuration.strict_model import Model
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import DataMissingError, TendonreproError, UsageError, did_you_mean
-from tendonrepro.experiments.loops import all_loops, friction_scale, growing, run_status, run_views
+from tendonrepro.experiments.loops import all_loops, growing, run_status, run_views
 from tendonrepro.experiments.rig import plant_record
 from tendonrepro.experiments.user_law import UserLaw, runs_of, with_user_laws
 from tendonrepro.files import Json, refuse_file
@@ -156,7 +156,7 @@ def _law(config: Config, name: str, loop: Loop, laws: Sequence[UserLaw]) -> dict
         "readings": config.control.readings.model_dump(),
         "payload_mass": chosen.payload.si,
         "start_offset": loop.start_angles.tolist(),
-        "friction_scale": friction_scale(chosen),
+        "friction_scale": chosen.friction_factor,
         "reference_lag": loop.reference_lag,
         "errors_from": errors_from(config),
     }

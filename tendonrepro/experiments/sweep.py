@@ -15,7 +15,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.load import ConfigLike, LoadedConfig, config_digest, find_source, load_config
 from tendonrepro.configuration.models.experiment import errors_from
 from tendonrepro.configuration.overrides import Overrides, override, overrides_of
-from tendonrepro.configuration.strict_yaml import Node, load
+from tendonrepro.configuration.strict_yaml import Node, entry, load
 from tendonrepro.console import Talk, count_of
 from tendonrepro.errors import ConfigError, UsageError
 from tendonrepro.experiments.loops import all_loops
@@ -193,12 +193,8 @@ def _following_step(chosen: Mapping[str, Node], unit: str) -> dict[str, Node]:
 
 def unit_of(key: str, tree: Mapping[str, Node]) -> str | None:
     """Unit of the quantity that a key names or stands in."""
-    node: Node = dict(tree)
-    unit: Node = None
-    for part in key.split("."):
-        node = node.get(part) if isinstance(node, dict) else None
-        unit = node.get("unit", unit) if isinstance(node, dict) else unit
-    return unit if isinstance(unit, str) else None
+    quantity = entry(tree, key.partition(".value")[0].split("."))
+    return quantity.get("unit") if isinstance(quantity, dict) else None
 
 
 def numbers_per_joint(values: Sequence[Node], n: int) -> Array | None:

@@ -173,12 +173,6 @@ def test_the_base_of_an_experiment_may_have_one_itself(folder: Path) -> None:
     assert raised.value.where == f"{folder / 'compare.yaml'}:2"
 
 
-def test_keys_of_the_base_are_meant_too(folder: Path) -> None:
-    (folder / "compare.yaml").write_text(COMPARE + "control: {gains: {alpha: 0.3}}\n", encoding="utf-8")
-    with pytest.raises(ConfigError, match="'lam'"):
-        load_config(folder / "compare.yaml", "compare", overrides=["control.gains.lamb=8"])
-
-
 def test_an_arm_inside_a_base_has_the_name_of_the_file_that_was_asked_for(folder: Path) -> None:
     inside = COMPARE.replace("my_arm.yaml", "{base: my_arm.yaml, links: {mass: 1}}")
     (folder / "compare.yaml").write_text(inside, encoding="utf-8")

@@ -237,7 +237,7 @@ def test_whole_sections_and_words() -> None:
 @pytest.mark.parametrize(("override", "where", "message"), [
     ("control.gians.lam=9", "--set control.gians.lam", "unknown key 'gians', did you mean 'gains'?"),
     ("alpha=[0, 0]", "--set alpha", "unknown key 'alpha', did you mean 'control.gains.alpha'?"),
-    ("payload=0.5", "--set payload", "did you mean 'runs.controller_1_payload.payload' or"),
+    ("payload=0.5", "--set payload", "did you mean 'runs.controller_1.payload' or"),
     ("pulley_diameter.0.0=9", "--set pulley", "'manipulator.routing.pulley_diameter.value.0.0'?"),
     ("control.gains.lam.1=9", "--set control.gains.lam.1", "unknown key '1', did you mean 'value.1'?"),
     ("control.gains.lam.value.2=9", "--set control.gains.lam.value.2", "no entry 2 in a list of 2"),
@@ -366,11 +366,6 @@ def test_a_base_on_the_command_line_must_be_a_comparison() -> None:
     for base in ("missing.yaml", "decouple.yaml"):
         with pytest.raises(ConfigError):
             load_ensemble(None, overrides=[f"base={base}"])
-
-
-def test_the_slowest_strokes_end_within_the_longest_run() -> None:
-    with pytest.raises(ConfigError, match="longest_run"):
-        load_ensemble(None, overrides=["box.velocity.low=3"])
 
 
 def test_motions_that_are_not_chosen_need_not_end_within_the_longest_run() -> None:

@@ -103,6 +103,11 @@ class CompareRun(Model):
         Annotated[Scalar, positive("1", "factor on dry and viscous friction of links and winches")] | None
     ) = None
 
+    @property
+    def friction_factor(self) -> float:
+        """Of `friction_scale`, 1 without one."""
+        return self.friction_scale.si if self.friction_scale else 1.0
+
 
 class CompareConfig(Experiment):
     """Controllers on the same reference, sections 5.3 and 5.4."""

@@ -21,7 +21,7 @@ from tendonrepro.configuration.published import METRICS, published, row_of
 from tendonrepro.configuration.quantity import Physical, Quantity, to_si
 from tendonrepro.console import Talk
 from tendonrepro.errors import UsageError
-from tendonrepro.experiments.loops import all_loops, friction_scale
+from tendonrepro.experiments.loops import all_loops
 from tendonrepro.experiments.rig import start_angles
 from tendonrepro.files import Json, refuse_foreign, write_atomically
 from tendonrepro.reporting.live import controls
@@ -287,7 +287,7 @@ def _runs(config: CompareConfig, loops: Mapping[str, Loop], *, papers: bool) -> 
                 "short": name.removeprefix("controller_"),
                 "law": run.law,
                 # Payload, factor on friction, start; a control writes over them, in its unit.
-                "rr": [run.payload.si, friction_scale(run), *map(float, offset)],
+                "rr": [run.payload.si, run.friction_factor, *map(float, offset)],
                 "steps": enough,
                 "coarse": max(1, enough - COARSE),
                 "compared": not unloaded_run(name),
