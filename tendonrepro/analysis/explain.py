@@ -177,12 +177,13 @@ def _printed_ratios(config: CompareConfig, views: Mapping[str, View]) -> dict[st
     """Ratio of two controllers' RMSE in Table 2, by pair and joint, where the arm is the paper's."""
     if not is_arm_of_paper(config.manipulator):
         return {}
-    entries, ratios = published().entries, {}
-    for pair, *of_pair in view_pairs(views):
-        names = [[f"table2.{view.law_name}.rmse.joint_{k}" for k in config.joints] for view in of_pair]
-        if entries.keys() >= {*names[0], *names[1]}:
-            a, b = (np.array([published().number(name) for name in of_run]) for of_run in names)
-            ratios[pair] = (a / b).tolist()
+    paper, ratios = published(), {}
+    for pair, *views_of in view_pairs(views):
+        above, below = (
+            np.array(paper.per_joint(f"table2.{view.law_name}.rmse", config.joints)) for view in views_of
+        )
+        if np.isfinite(above / below).all():
+            ratios[pair] = (above / below).tolist()
     return ratios
 
 

@@ -13,7 +13,6 @@ import numpy as np
 
 from tendonrepro import __version__
 from tendonrepro.configuration.ensemble import (
-    LoadedEnsemble,
     Ranges,
     load_plants,
     readings_on,
@@ -21,7 +20,7 @@ from tendonrepro.configuration.ensemble import (
 )
 from tendonrepro.configuration.load import ConfigLike
 from tendonrepro.configuration.models.control import RUNS
-from tendonrepro.configuration.models.readings import PRINTED, default_readings, parse_reading
+from tendonrepro.configuration.models.readings import PRINTED, Reading, default_readings, parse_reading
 from tendonrepro.configuration.overrides import Overrides
 from tendonrepro.console import count_of
 from tendonrepro.errors import TendonreproError, UsageError
@@ -62,47 +61,38 @@ def load_study(
     added to others. A UsageError for an unknown one.
     """
     loaded = with_all_controllers(load_plants(source, spread, ranges, overrides=overrides, seed=seed))
-    if loaded.around:
-        return _around(loaded, readings, laws)
-    if laws:
+    if laws and not loaded.around:
         message = "runs around an arm of your own"
         raise UsageError(message, where="--law", hint="name a comparison, --config compare.yaml")
-    config = loaded.config
-    ((name, population),) = config.populations.items()
-    default = readings == "default"
-    chosen = default_readings(config.pairs) if default else readings_on(loaded, f"{PRINTED},{readings}")
-    return EnsembleStudy(
-        loaded,
-        name=name,
-        population=population_of(loaded).only(population.confidences),
-        readings=chosen,
-        variations=tuple(parse_reading(name) for name in config.variations) if default else (),
-        seed=int(config.seed.si),
-        replicates=int(config.scramblings.si),
-        block_draws=int(config.block.si),
-    )
-
-
-def _around(loaded: LoadedEnsemble, readings: str, laws: Sequence[UserLaw]) -> EnsembleStudy:
     for law in laws:
         if law.name in (*loaded.compare.runs, *RUNS):
             message = f"there is a run {law.name!r} already"
             raise UsageError(message, where="--law", hint="give the function another name")
     loaded = replace(loaded, base=with_user_laws(loaded.base, laws))
+    config, name, population = loaded.config, ARMS, population_of(loaded)
+    replicates = LEAST_SCRAMBLINGS
+    variations: tuple[Reading, ...] = ()
+    chosen = readings_on(loaded, PRINTED if readings == "default" else f"{PRINTED},{readings}")
+    if not loaded.around:
+        ((name, part),) = config.populations.items()
+        population, replicates = population.only(part.confidences), int(config.scramblings.si)
+        if readings == "default":
+            chosen = default_readings(config.pairs)
+            variations = tuple(map(parse_reading, config.variations))
     study = EnsembleStudy(
         loaded,
-        name=ARMS,
-        population=population_of(loaded),
-        readings=readings_on(loaded, PRINTED if readings == "default" else f"{PRINTED},{readings}"),
-        variations=(),
-        seed=int(loaded.config.seed.si),
-        replicates=LEAST_SCRAMBLINGS,
-        block_draws=int(loaded.config.block.si),
+        name=name,
+        population=population,
+        readings=chosen,
+        variations=variations,
+        seed=int(config.seed.si),
+        replicates=replicates,
+        block_draws=int(config.block.si),
         laws=tuple(laws),
     )
     for law in laws:
         # What cannot run on many arms together is refused before hours of work.
-        (loops,) = study.population.loops(np.ones((1, len(study.population.rows))), study.cases, [law])
+        (loops,) = population.loops(np.ones((1, len(population.rows))), study.cases, [law])
         kept.refuse_on_lanes(law, loops[study.lookup[law.name, PRINTED]])
     return study
 
