@@ -77,22 +77,16 @@ def with_names(path):
     classic(path, {"log": record(data=NUMBERS, signalNames=np.array([NAMES], dtype=object))})
 
 
-def labview(columns, **settings):
+HEAD_OF_LABVIEW = (
+    "LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\n\t\nChannels\t4\t\t\t\n"
+    "Samples\t400\t400\t400\t400\nX0\t0\t0\t0\t0\nDelta_X\t0.01\t0.01\t0.01\t0.01\n***End_of_Header***\n"
+)
+
+
+def labview(columns):
     """Text of a LabVIEW measurement."""
-    head = {"Separator": "Tab", "Multi_Headings": "No", "X_Columns": "One", **settings}
-    above = "".join(f"{key}\t{value}\n" for key, value in head.items())
-    rows = "".join(
-        "\t".join([f"{x:.4f}" for x in row]) + "\n"
-        for row in (NUMBERS if columns[0] == "X_Value" else NUMBERS[:, 1:])
-    )
-    channel = "".join(
-        f"{key}\t{value}\t{value}\t{value}\t{value}\n" for key, value in (("X0", 0), ("Delta_X", 0.01))
-    )
-    end = "***End_of_Header***\n"
-    return (
-        f"LabVIEW Measurement\t\n{above}{end}\t\nChannels\t4\t\t\t\n"
-        f"Samples\t400\t400\t400\t400\n{channel}{end}" + "\t".join([*columns, "Comment"]) + f"\n{rows}"
-    )
+    rows = NUMBERS if columns[0] == "X_Value" else NUMBERS[:, 1:]
+    return HEAD_OF_LABVIEW + "\t".join([*columns, "Comment"]) + "\n" + lines(rows, "\t").replace("\n", "\t\n")
 
 
 def thousands():
@@ -196,7 +190,7 @@ PLAIN = {
     "marks of LaTeX": (".csv", r"t,q_{d2},q_{2},\theta_{d3},\theta_3" + "\n" + lines(), MAE),
     "one bad byte": (".csv", b"\xce\xb8 " * 9 + b"\xff\n" + (HEADS + lines()).encode(), MAE),
     "LabVIEW": (".lvm", labview(["X_Value", *NAMES[1:]]), MAE),
-    "LabVIEW without times": (".lvm", labview(NAMES[1:], X_Columns="No"), MAE),
+    "LabVIEW without times": (".lvm", labview(NAMES[1:]), MAE),
     "tab text named xls": (".xls", "\t".join(NAMES) + "\n" + lines(separator="\t"), MAE),
     "durations of Excel": (".xlsx", durations, MAE),
     "durations": (".csv", clocked("0:59:{:06.3f}"), MAE),
@@ -515,16 +509,17 @@ def test_a_comma_that_may_mean_two_things_is_told(tmp_path):
     assert found.tables[0]["n"][-1] == 1234.0
 
 
+class _Chinese(zipfile.ZipInfo):
+    """A member that is named as Windows in Chinese names it, without saying so."""
+
+    def _encodeFilenameFlags(self):
+        return self.filename.encode("gbk"), self.flag_bits
+
+
 def zipped(path, names, content):
-    """As Windows in Chinese writes it: a library takes names of as many bytes, which are replaced."""
-    stream = BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
-        for k, name in enumerate(names):
-            archive.writestr(f"{k}".ljust(len(name.encode("gbk")), "x"), content)
-    raw = stream.getvalue()
-    for k, name in enumerate(names):
-        raw = raw.replace(f"{k}".ljust(len(name.encode("gbk")), "x").encode(), name.encode("gbk"))
-    path.write_bytes(raw)
+    with zipfile.ZipFile(path, "w") as archive:
+        for name in names:
+            archive.writestr(_Chinese(name), content)
 
 
 def packed(path, names, content, encoding="gbk"):
@@ -625,9 +620,9 @@ def test_a_standstill_is_left_out_as_validate_leaves_it_out(tmp_path):
 
 def test_what_cannot_be_read_is_named_with_a_remedy_and_the_rest_is_read(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "nptdms", None)
-    one = labview(["X_Value", *NAMES[1:]], Multi_Headings="Yes")
+    one = labview(["X_Value", *NAMES[1:]])
     # Its second header would stand in the middle of the numbers.
-    (tmp_path / "segments.lvm").write_text(one + one[one.index("\t\nChannels") :])
+    (tmp_path / "segments.lvm").write_text(one + one[one.index("Channels") :])
     (tmp_path / "octave.mat").write_text("# Created by Octave 6.4.0\n# name: t\n# type: matrix\n 0\n 1\n")
     (tmp_path / "labview.tdms").write_bytes(b"TDSm" + bytes(100))
     (tmp_path / "good.csv").write_text(HEADS + lines())
