@@ -46,11 +46,11 @@ def processors() -> int:
 
 
 @contextmanager
-def workers() -> Iterator[Start]:
-    """Let other processes work for a block, as many as there are processors and pieces of work.
+def workers(most: int = MOST_WORKERS) -> Iterator[Start]:
+    """Let other processes work for a block, `most` of them, while there are processors and pieces of work.
 
-    Nothing is started before there is work, and processes end with it: beside them no copies of this one
-    can be made.
+    Nothing is started before there is work. Copies of this process end with it, for beside them no others can
+    be made; processes that start from nothing, which takes them long, serve the whole block.
 
     Yields
     ------
@@ -63,22 +63,27 @@ def workers() -> Iterator[Start]:
     TendonreproError
         If a worker process dies.
     """
+    anew: list[Executor] = []
     with ExitStack() as stack:
 
         def start(function: Callable[[Item], Done], items: Sequence[Item]) -> Iterable[Done]:
-            jobs = min(MOST_WORKERS if _can_fork() else MOST_STARTED, processors())
+            jobs, copied = min(most, MOST_WORKERS, processors()), not anew and _can_fork()
             if jobs < 2 or not items:
                 return map(function, items)
-            pool = stack.enter_context(ExitStack())
-            executor = pool.enter_context(_processes(min(jobs, len(items))))
-            return _results(pool, [executor.submit(function, item) for item in items])
+            ends = stack.enter_context(ExitStack())
+            if copied:
+                executor = ends.enter_context(_processes(min(jobs, len(items))))
+            else:
+                anew[:] = anew or [stack.enter_context(_processes(min(jobs, MOST_STARTED)))]
+                (executor,) = anew
+            return _results(ends, [executor.submit(function, item) for item in items])
 
         yield start
 
 
-def _results(pool: ExitStack, begun: Sequence[Future[Done]]) -> Iterator[Done]:
-    """Yield results in order; then processes end."""
-    with pool:
+def _results(ends: ExitStack, begun: Sequence[Future[Done]]) -> Iterator[Done]:
+    """Yield results in order; then the processes end that serve these alone."""
+    with ends:
         for future in begun:
             yield future.result()
 

@@ -72,6 +72,23 @@ def test_workers_work_where_standard_error_is_no_file(
     assert [*run(abs, [-1, 2, -3])] == [1, 2, 3]
 
 
+@pytest.mark.parametrize("processors", [(2, False)], indirect=True)
+@pytest.mark.usefixtures("processors")
+def test_workers_that_start_from_nothing_serve_the_whole_block() -> None:
+    """They import for more than a second, as on macOS, on Windows and in notebooks."""
+    with workers() as start:
+        (_, first), *_ = start(partial(work, 0), [1])
+        there = {child.pid for child in psutil.Process().children(recursive=True)}
+        again = {process for _, process in start(partial(work, 0), [2, 3])}
+    assert {first} | again <= there
+
+
+@pytest.mark.usefixtures("processors")
+def test_work_for_one_process_stays_in_this_one() -> None:
+    with workers(1) as start:
+        assert [*start(partial(work, 0), [1])] == [(1, os.getpid())]
+
+
 def test_work_begins_before_a_result_is_asked_for(tmp_path: Path, processors: int) -> None:
     with workers() as start:
         results = start(Path.touch, [tmp_path / "a"])

@@ -291,7 +291,7 @@ def redraw(
         return drawn + [path for table in tables for path in table.write(folder / "tables")]
 
     written: list[Path] = []
-    with workers() as start:
+    with workers(len(asked)) as start:
         for folder, file in files.items():
             # Measured traces lie in a folder without a manifest.
             if not (folder / store.MANIFEST).exists():

@@ -181,7 +181,7 @@ def simulated(path: Path, zeros: Mapping[str, float], measured: TraceFile, talk:
     loaded = replace(load_config(path, None), origin=path.name)
     whole = prepared(loaded)
     chosen = {name: loop for name, loop in whole.loops.items() if name in zeros}
-    with workers() as start:
+    with workers(len(chosen)) as start:
         (traces,) = begin_all([whole._replace(loops=chosen)], talk, start=start)
     if traces:
         file = trace_file(loaded, traces, make_manifest(loaded, 0.0))
