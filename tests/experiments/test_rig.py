@@ -129,12 +129,12 @@ def test_values_of_held_joints_drop_out():
     np.testing.assert_equal(rig.build_plant(changed, 0.0), rig.build_plant(COMPARE, 0.0))
 
 
-def test_friction_of_joints_and_winches_are_not_mixed_up():
+def test_friction_of_joints_and_winches_is_not_mixed_up_and_its_factor_leaves_shapes_alone():
     fields = ("coulomb", "static_ratio", "stribeck_velocity", "smoothing_velocity")
     keys = ["friction.link.viscous=[1, 7, 8]", "winches.viscous=[1, 9, 10]"]
     for part, first in (("link", 2), ("winch", 20)):
         keys += [f"friction.{part}.{field}=[1, {k}, {k + 1}]" for k, field in enumerate(fields, first)]
-    plant = rig.build_plant(arm_with(*keys), 0.0)
+    plant = rig.build_plant(arm_with(*keys), 0.0, friction_scale=2.0)
     links, winches = ([field.tolist() for field in f] for f in (plant.link_friction, plant.drive.friction))
-    assert links == [[7, 8], [2, 3], [3, 4], [4, 5], [5, 6]]
-    assert winches == [[9, 10], [20, 21], [21, 22], [22, 23], [23, 24]]
+    assert links == [[14, 16], [4, 6], [3, 4], [4, 5], [5, 6]]
+    assert winches == [[18, 20], [40, 42], [21, 22], [22, 23], [23, 24]]

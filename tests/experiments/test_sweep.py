@@ -139,8 +139,9 @@ class TestValues:
     @pytest.mark.parametrize("key", ["sampling_period", "sampling_period.value"])
     def test_the_longest_step_follows_the_sampling_period_in_its_unit(self, key):
         step = f"solver.max_step={quantity(0.001, 's')}"
-        points = sweep.load_grid([f"{key}=0.5,1"], overrides=[step]).points
-        assert [point.loaded.config.solver.max_step.si for point in points] == [0.0005, 0.001]
+        grid = sweep.load_grid([f"{key}=0.5,1"], overrides=[step])
+        assert grid.axes[0].unit == "ms"
+        assert [point.loaded.config.solver.max_step.si for point in grid.points] == [0.0005, 0.001]
 
     def test_what_cannot_be_compared_is_refused(self):
         run = f"{{a: {{law: controller_1, payload: {quantity(0, 'kg')}}}}}"
