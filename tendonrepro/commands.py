@@ -88,13 +88,13 @@ def open(folder: str | Path) -> Result:
     --------
     ``tr.open("reports/compare")["controller_1"]["e"]``
     """
-    from tendonrepro.results.store import numbers_in, result_manifest, table_files
+    from tendonrepro.results.store import numbers_in, read_manifest, table_files
     from tendonrepro.results.traces import TRACES, read_traces
     from tendonrepro.studies.result import Result
 
     path = Path(folder)
     if path.is_dir() and not (path / TRACES).exists():
-        manifest = result_manifest(path)
+        manifest = read_manifest(path)
         tables = [table.read_text("utf-8") for table in table_files(path, manifest, ".md")]
         command = str(manifest.get("command", ""))
         return Result(numbers_in(path, manifest), tables, manifest=manifest, command=command, folder=path)

@@ -101,12 +101,18 @@ def rendered(
     return templates.get_template(f"{name}.md").render(**known).strip()
 
 
-def has_all_words(shown: Shown) -> bool:
-    """Whether an ensemble has every interpretation that `WORDS` speak of."""
+def shown_in_words(summary: Json) -> Shown | None:
+    """What pages show of a user's own ensemble, if it is of the paper and has all that `WORDS` speak of."""
+    if not summary["of_paper"]:
+        return None
     try:
-        return all(rendered(name, shown) for name in WORDS)
-    except jinja2.UndefinedError:
-        return False
+        own = shown(summary)
+        for name in WORDS:
+            rendered(name, own)
+    except (KeyError, jinja2.UndefinedError):
+        # Its population has another name, it lacks interpretations, or it is of an older version.
+        return None
+    return own
 
 
 def box_rows() -> Iterator[tuple[str, ...]]:

@@ -122,7 +122,7 @@ def stored_under(folder: Path) -> ReportSources:
     ledger = read_ledger(read_json(claims if judged else ours / "claims.json"))
     own = None
     if judged and ledger.ensemble["source"] == "local" and summary.exists():
-        own = _of_the_paper(read_json(summary))
+        own = contents.shown_in_words(read_json(summary))
     # What the page speaks of all over has no section of its own.
     everywhere = {"claims", "ensemble"} if own or "ensemble" not in manifests else {"claims"}
     parts = {name: path for name, path in places.items() if name not in everywhere}
@@ -131,17 +131,6 @@ def stored_under(folder: Path) -> ReportSources:
     origins["ensemble"] = "run" if own else "here" if "ensemble" in parts else "shipped"
     left_out = {} if alone else dict(_left_out(folder, {*manifests}))
     return ReportSources(parts, manifests, own or contents.read_shown(ours), ledger, origins, left_out)
-
-
-def _of_the_paper(summary: Json) -> Shown | None:
-    """What is shown of a user's own ensemble, if it is of the paper and has what the page speaks of."""
-    if not summary["of_paper"]:
-        return None
-    try:
-        own = contents.shown(summary)
-    except KeyError:
-        return None  # its population has another name, or it is of an older version
-    return own if contents.has_all_words(own) else None
 
 
 def _left_out(folder: Path, shown: set[str]) -> Iterator[tuple[str, str]]:

@@ -12,7 +12,7 @@ from tendonrepro.arrays import Array
 from tendonrepro.configuration.strict_yaml import load
 from tendonrepro.files import Json
 from tendonrepro.results.records import Trace
-from tendonrepro.results.store import numbers_in, result_manifest
+from tendonrepro.results.store import numbers_in, read_manifest
 from tendonrepro.results.summary import tracking_errors
 from tendonrepro.results.tables import Table
 from tendonrepro.results.traces import TRACES, read_traces
@@ -65,7 +65,7 @@ def difference(first: Path, second: Path, tolerance: float | None = None) -> dic
 def _side(path: Path) -> tuple[Mapping[str, Mapping[str, object]], Mapping[str, Trace]]:
     """What a result says, by kind and key, and its runs; numbers are of one that leaves no traces."""
     if path.is_dir() and not (path / TRACES).exists():
-        manifest = result_manifest(path)
+        manifest = read_manifest(path)
         runs: Mapping[str, Trace] = {}
         # The digest covers more than the tree: of an ensemble its box, of a validation the measured file.
         tree = {"sha256": manifest["config"]["sha256"], **manifest["config"].get("tree", {})}

@@ -286,12 +286,7 @@ def make_manifest(loaded: LoadedConfig | None, seconds: float, command: str = ""
 
 
 def read_manifest(folder: Path) -> Json:
-    """Read the manifest of a results folder; a DataMissingError where it cannot be read."""
-    return read_json(folder / MANIFEST, "run its command again with --force")
-
-
-def result_manifest(folder: Path) -> Json:
-    """Manifest of the result of any command.
+    """Read the manifest of the result of any command.
 
     Raises
     ------
@@ -302,7 +297,7 @@ def result_manifest(folder: Path) -> Json:
         message = f"holds no result: there is neither {MANIFEST} nor {TRACES}"
         hint = "name the folder of one result, such as reports/compare, or run a command first"
         raise DataMissingError(message, where=str(folder), hint=hint)
-    return read_manifest(folder)
+    return read_json(folder / MANIFEST, "run its command again with --force")
 
 
 def numbers_in(folder: Path, manifest: Json) -> Json:

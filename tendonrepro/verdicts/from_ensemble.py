@@ -79,7 +79,8 @@ def _number(plants: Plants, paper: Published, identifier: str) -> Ruling:
         whole = _all_reversed(plants, paper, identifier, judged)
         evidence["direction"] = {"statement": statement.text, **asdict(share)}
     ruling = rules.of_number((low, high), box, share, power, all_reversed=whole)
-    return replace(ruling, ours=box.median, evidence=evidence | {"remarks": _hardware(ruling)})
+    remarks = [HARDWARE] if ruling.verdict == "contradicted" else []
+    return replace(ruling, ours=box.median, evidence=evidence | {"remarks": remarks})
 
 
 def _claim(plants: Plants, paper: Published, rule: str) -> Ruling:
@@ -106,15 +107,12 @@ def _claim(plants: Plants, paper: Published, rule: str) -> Ruling:
         if ruling.verdict in rules.INSIDE:
             passing = ", ".join(f"{100.0 * value.evidence['also_passing']:.0f} %" for value in values)
             remarks.append(f"of a decade around each printed value this much would also pass: {passing}")
-    evidence["remarks"] = [*_hardware(ruling), *remarks]
+    if ruling.verdict == "contradicted":
+        remarks.insert(0, HARDWARE)
+    evidence["remarks"] = remarks
     if claim.untestable:
         return not_testable(claim.untestable, None, **evidence)
     return replace(ruling, evidence=evidence)
-
-
-def _hardware(ruling: Ruling) -> list[str]:
-    """What has to be said wherever the opposite holds."""
-    return [HARDWARE] if ruling.verdict == "contradicted" else []
 
 
 def _by_statements(plants: Plants, claim: Claim) -> Ruling:
