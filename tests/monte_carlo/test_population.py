@@ -128,14 +128,6 @@ def test_firm_population_holds_rows_of_low_confidence():
     assert "low" in {row.confidence for row in firm.rows}
 
 
-def test_every_other_draw_builds_its_loops():
-    for k in range(0, DRAWS, 2):
-        loops = dict(build_loops(drawn(k), box().loaded.base.folder))  # refuses what leaves the workspace
-        duration = loops["controller_1"].reference.time[-1]
-        shortest, longest = box().loaded.config.shortest_run.si, box().loaded.config.longest_run.si
-        assert shortest - 1e-6 <= duration <= longest + 1e-6
-
-
 def test_widest_draws_stay_in_the_workspace():
     for motion in range(len(WORDS["motion"])):
         for posture in ends():

@@ -48,16 +48,6 @@ class TestScene:
             end = path.centre[700, -1] + np.abs(path.radius[-1]) * direction
             assert path_points(path, 700)[-1] == pytest.approx(end, abs=1e-12)
 
-    def test_links_have_their_lengths_and_angles(self):
-        scene = scene_of(compare_file())
-        plant, trace = compare_file().plant.values, compare_file().runs["controller_1"]
-        links = np.diff(scene.joints, axis=1)
-        assert np.hypot(*links.T).T - plant["length"].value == pytest.approx(0.0, abs=1e-12)
-        # Clockwise from hanging; joint 1 is held where it starts.
-        angle = np.arctan2(-links[..., 0], -links[..., 1])
-        bent = np.column_stack([np.zeros(len(trace.time)), trace["q_encoder"]]) + plant["posture"].value
-        assert angle == pytest.approx(np.cumsum(bent, axis=1))
-
     def test_tensions_do_the_work_of_the_torque(self):
         """Those of the moving joints; the tensioner pulls with its constant force, tendon 1 is not known."""
         scene, trace = scene_of(compare_file()), compare_file().runs["controller_1"]
