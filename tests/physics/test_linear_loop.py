@@ -1,6 +1,7 @@
 """The linearised sampled loop against the real one, and the limits that follow from it."""
 
 from functools import cache
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from scipy.linalg import block_diag
 from scipy.optimize import brentq
 
 from tendonrepro.configuration.load import load_config
+from tendonrepro.configuration.models.control import Readings
 from tendonrepro.experiments.loops import build_law
 from tendonrepro.experiments.rig import build_plant
 from tendonrepro.physics.arm import Arm
@@ -38,6 +40,9 @@ from tendonrepro.simulation.stepper import simulate
 L = 1e-3
 POSTURES = [np.zeros(2), np.deg2rad([16.5, 16.5]), np.deg2rad([33.0, 33.0])]
 ONE = np.ones(1)
+EVERY_READING = [
+    f"{axis}={value}" for axis, field in Readings.model_fields.items() for value in get_args(field.annotation)
+]
 
 
 @cache
@@ -128,11 +133,10 @@ def place_reached(plant, law, size):
 
 class TestFeedbackGains:
     @pytest.mark.parametrize("name", ["controller_1", "controller_2", "controller_3", "tdc"])
-    @pytest.mark.parametrize(
-        "reading", ["eta_in_controller_2=kept", "eta_in_controller_2=dropped", "phi_branch=power"]
-    )
+    @pytest.mark.parametrize("reading", EVERY_READING)
     def test_are_slopes_of_the_law(self, name, reading):
-        law, h = build_law(shipped(f"control.readings.{reading}"), name), 1e-7
+        """Under every reading, also one that is new."""
+        law, h = build_law(shipped(f"control.readings.{reading}"), name), 1e-9
         on_error, on_rate = feedback_gains(law)
         for i in range(2):
             rate = surface_and_feedback(0.0, h, law, i)[1] / h
