@@ -306,9 +306,6 @@ def test_what_each_reading_does(setting: str, cells: list[str]) -> None:
             assert text == number or (text == "ok" and "/" in number)
 
 
-# ---- traces ------------------------------------------------------------------------------------------------
-
-
 # ---- examples that run -------------------------------------------------------------------------------------
 
 

@@ -14,9 +14,6 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from scipy.io import loadmat
 from support.synthetic import S_INV, S, make_compare_file, make_decouple_file
@@ -26,7 +23,7 @@ from tendonrepro.files import sha256_of
 from tendonrepro.results import traces
 from tendonrepro.results.figures.catalogue import draw
 from tendonrepro.results.paper_tables import made_tables
-from tendonrepro.results.records import SCHEMA_VERSION, VARIABLES, PlantRecord, PlantValue, Trace, TraceFile
+from tendonrepro.results.records import SCHEMA_VERSION, VARIABLES, PlantRecord, PlantValue, TraceFile
 from tendonrepro.results.traces import dataset_of, export_traces, read_traces, write_traces
 
 Array = NDArray[np.float64]
@@ -82,22 +79,6 @@ class TestRoundTrip:
         read = read_traces(write_traces_to(tmp_path, file))
         assert_same(read, file)
         assert read.runs["controller_1"].told_status.endswith("joint 3")
-
-    @settings(max_examples=10)
-    @given(
-        x=arrays(np.float64, st.tuples(st.integers(1, 30), st.integers(1, 4)), elements=st.floats()),
-        gains=st.dictionaries(
-            st.from_regex(r"[A-Za-z_]{1,8}", fullmatch=True), st.lists(st.floats(allow_nan=False), min_size=1)
-        ),
-    )
-    def test_every_bit_of_every_number(
-        self, tmp_path_factory: pytest.TempPathFactory, x: Array, gains: dict[str, list[float]]
-    ) -> None:
-        joint = tuple(range(2, 2 + x.shape[1]))
-        attributes = {**COMPARE.runs["controller_1"].attributes, "gains": gains}
-        run = Trace("mine", np.arange(len(x)) * 1e-3, joint, {"q": x, "tau_m": -x}, attributes)
-        file = dataclasses.replace(COMPARE, runs={"mine": run}, plant=PlantRecord({}, {}))
-        assert_same(read_traces(write_traces_to(tmp_path_factory.mktemp("bits"), file)), file)
 
 
 def test_equal_contents_give_equal_bytes(compare_path: Path, tmp_path: Path) -> None:

@@ -17,8 +17,8 @@ START = 200  # samples of 2 s
 @pytest.fixture
 def signals() -> dict[str, Array]:
     rng = np.random.default_rng(3)
-    # Beside every turn there is a sample at 0.4 % of the peak speed, and one at 4 %.
-    t = (np.arange(T)[:, np.newaxis] + 0.1) / PERIOD
+    # Beside every turn there is a sample at 0.8 % of the peak speed, and one at 5.03 %.
+    t = (np.arange(T)[:, np.newaxis] + 0.2) / PERIOD
     smooth = {"dq_d": np.sin(2 * np.pi * t) * [1.0, 2.0], "ddq_d": np.cos(2 * np.pi * t) * [3.0, 1.0]}
     return smooth | {name: rng.normal(size=(T, N)) for name in ("e", "de", "s", "tau", "H_hat", "epsilon")}
 
