@@ -202,7 +202,8 @@ PLAIN = {
 @pytest.mark.parametrize("kind", PLAIN)
 def test_a_plain_table_however_it_is_written(kind, tmp_path):
     suffix, content, expected = PLAIN[kind]
-    found, runs, _ = ingested(tmp_path, suffix, content)
+    found, runs, mapping = ingested(tmp_path, suffix, content)
+    assert ":Sheet" not in mapping
     assert found["runs"]["controller_1"]["samples"] == 400
     assert mae(found) == expected
     assert runs["controller_1"].time[-1] == pytest.approx(1.3965 if kind == "thousands" else 3.99)
@@ -345,7 +346,9 @@ def test_a_sheet_of_errors_for_each_joint(tmp_path):
         for joint in (2, 3):
             columns = {"t (s)": T} | {f"C{k} error (deg)": k * ERROR[joint] for k in (1, 2, 3)}
             pd.DataFrame(columns).to_excel(book, sheet_name=f"joint {joint}", index=False)
+        pd.DataFrame({"operator": ["Yan"]}).to_excel(book, sheet_name="remarks", index=False)
     found, _, _ = ingested_from(path)
+    assert any("sheet 'remarks'" in note for note in found["notes"])
     for k in (1, 2, 3):
         assert mae(found, f"controller_{k}") == [k * x for x in MAE]
 
