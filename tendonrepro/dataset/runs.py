@@ -16,7 +16,7 @@ from tendonrepro.dataset.mapping import LOOP_STEPS, MappingFile, RunMapping, Use
 from tendonrepro.dataset.read import Contents
 from tendonrepro.dataset.tables import Columns
 from tendonrepro.errors import ConfigError, DataMissingError
-from tendonrepro.physics.metrics import mean, status_of
+from tendonrepro.physics.metrics import STATUSES, mean, status_of
 from tendonrepro.results.records import READ_OFF, Trace, median_step
 
 _ANGLES = "q_d", "q_encoder", "q_calculated"
@@ -27,7 +27,6 @@ _UNLIKE = 0.5
 """Range of an angle less its integrated rate, over that of the angle, beyond which the rate is in doubt."""
 _HELD = float(np.deg2rad(0.03))
 """Range of a desired angle, rad, below which a joint is held: the dither of its encoder is no ringing."""
-_SEVERITY = ("ok", "ringing", "diverged")
 
 _GAP = 1.5
 """Steps beyond this many median ones are gaps."""
@@ -262,7 +261,7 @@ def _status(time: Array, variables: dict[str, Array], joints: tuple[int, ...]) -
         if known.any() and np.ptp(variables.get("q_d", variables["e"])[known, k]) > _HELD:
             bridged = np.interp(time, time[known], e[known])[:, np.newaxis]
             judged[joint] = status_of(time, bridged, limits.divergence_limit.si, *ringing)
-    worst = max((status for status, _ in judged.values()), key=_SEVERITY.index, default="ok")
+    worst = max((status for status, _ in judged.values()), key=STATUSES.index, default="ok")
     ends = {joint: end for joint, (status, end) in judged.items() if status == worst}
     told = {"status": worst, "status_time": min(ends.values(), default=float(time[-1]))}
     return told if worst == "ok" else told | {"status_joints": [*ends]}
