@@ -15,18 +15,9 @@ from tendonrepro.configuration.load import Config
 from tendonrepro.configuration.models.manipulator import DryFriction, EncoderConfig
 from tendonrepro.configuration.quantity import UNITS, Matrix, Physical, Scalar, Vector
 from tendonrepro.configuration.strict_model import Model
-from tendonrepro.physics import loads, statics
+from tendonrepro.physics import drive, loads, statics
 from tendonrepro.physics.arm import Arm, make_arm
-from tendonrepro.physics.drive import (
-    Actuator,
-    Drive,
-    Encoder,
-    coupling_inverse,
-    coupling_matrix,
-    to_joint_matrix,
-)
 from tendonrepro.physics.dynamics import Plant
-from tendonrepro.physics.loads import Friction
 from tendonrepro.results.records import PlantRecord, PlantValue
 
 DISTURBANCE_STREAM = 3
@@ -36,9 +27,9 @@ DISTURBANCE_STREAM = 3
 def coupling(config: Config) -> tuple[Array, Array]:
     """``S`` and ``S_inv`` of the moving joints, (n, n), Eq. (2)."""
     routing, n = config.manipulator.routing, len(config.joints)
-    S_inv = coupling_inverse(routing.winch_diameter.si, routing.pulley_diameter.si, routing.sign.si)
+    S_inv = drive.coupling_inverse(routing.winch_diameter.si, routing.pulley_diameter.si, routing.sign.si)
     S_inv = np.ascontiguousarray(S_inv[-n:, -n:])
-    return coupling_matrix(S_inv), S_inv
+    return drive.coupling_matrix(S_inv), S_inv
 
 
 def start_angles(config: Config) -> Array:
@@ -57,7 +48,7 @@ def build_arm(config: Config, payload_mass: float) -> Arm:
     )
 
 
-def build_drive(config: Config, friction_scale: float = 1.0) -> Drive:
+def build_drive(config: Config, friction_scale: float = 1.0) -> drive.Drive:
     """Winches and tendons of the moving joints."""
     manipulator, n = config.manipulator, len(config.joints)
     winches, tendons, friction = manipulator.winches, manipulator.tendons, manipulator.friction
@@ -65,7 +56,7 @@ def build_drive(config: Config, friction_scale: float = 1.0) -> Drive:
     radius = manipulator.routing.winch_diameter.si[-n:] / 2.0
     guide_pulleys = np.array(config.joints, dtype=np.float64) - 1.0
     wobble = manipulator.transmission_error
-    return Drive(
+    return drive.Drive(
         S=S,
         S_inv=S_inv,
         inertia=(winches.reflected_inertia.si + winches.drum_inertia.si)[-n:],
@@ -81,10 +72,10 @@ def build_drive(config: Config, friction_scale: float = 1.0) -> Drive:
     )
 
 
-def _friction(dry: DryFriction, viscous: Vector, n: int, scale: float) -> Friction:
+def _friction(dry: DryFriction, viscous: Vector, n: int, scale: float) -> loads.Friction:
     values = {name: getattr(dry, name).si[-n:] for name in DryFriction.model_fields}
     values["coulomb"] = scale * values["coulomb"]
-    return Friction(viscous=scale * viscous.si[-n:], **values)
+    return loads.Friction(viscous=scale * viscous.si[-n:], **values)
 
 
 def build_preload(config: Config) -> Array:
@@ -122,15 +113,15 @@ def build_plant(config: Config, payload_mass: float, friction_scale: float = 1.0
     )
 
 
-def build_encoder(encoder: EncoderConfig) -> Encoder:
+def build_encoder(encoder: EncoderConfig) -> drive.Encoder:
     """Encoder of motors or joints."""
-    return Encoder(resolution=encoder.resolution.si, noise=encoder.noise.si)
+    return drive.Encoder(resolution=encoder.resolution.si, noise=encoder.noise.si)
 
 
-def build_actuator(config: Config) -> Actuator:
+def build_actuator(config: Config) -> drive.Actuator:
     """Motors' limits."""
     actuator = config.manipulator.actuator
-    return Actuator(
+    return drive.Actuator(
         limit=actuator.torque_limit.si[-len(config.joints) :],
         resolution=actuator.torque_resolution.si,
         noise=actuator.torque_noise.si,
@@ -185,19 +176,19 @@ def plant_record(config: Config) -> PlantRecord:
 
 
 def _derived_matrices(config: Config) -> dict[str, PlantValue]:
-    drive = build_drive(config)
+    made = build_drive(config)
     source, routing = "derived: winch and tendon values through S_inv", "derived: routing, Eq. (2)"
     values = {
-        name: PlantValue(to_joint_matrix(winch, drive.S_inv), units, source, f"{meaning} S_inv")
+        name: PlantValue(drive.to_joint_matrix(winch, made.S_inv), units, source, f"{meaning} S_inv")
         for name, winch, units, meaning in (
-            ("I", drive.inertia, "kg m2", "motor inertia, S_invT diag(winch inertia)"),
-            ("D_m", drive.friction.viscous, "N m s rad-1", "motor damping, S_invT diag(winch viscous)"),
-            ("K_s", drive.stiffness, "N m rad-1", "joint stiffness, S_invT diag(axial stiffness r^2)"),
-            ("D_s", drive.damping, "N m s rad-1", "joint damping, S_invT diag(factor axial damping r^2)"),
+            ("I", made.inertia, "kg m2", "motor inertia, S_invT diag(winch inertia)"),
+            ("D_m", made.friction.viscous, "N m s rad-1", "motor damping, S_invT diag(winch viscous)"),
+            ("K_s", made.stiffness, "N m rad-1", "joint stiffness, S_invT diag(axial stiffness r^2)"),
+            ("D_s", made.damping, "N m s rad-1", "joint damping, S_invT diag(factor axial damping r^2)"),
         )
     }
-    values["S"] = PlantValue(drive.S, "1", routing, "coupling matrix, q = S q_motor")
-    values["S_inv"] = PlantValue(drive.S_inv, "1", routing, "inverse coupling matrix, q_motor = S_inv q")
+    values["S"] = PlantValue(made.S, "1", routing, "coupling matrix, q = S q_motor")
+    values["S_inv"] = PlantValue(made.S_inv, "1", routing, "inverse coupling matrix, q_motor = S_inv q")
     return values
 
 
