@@ -49,6 +49,13 @@ def run(*readings: str, controller: int = 1, more: tuple[tuple[str, Any], ...] =
     return replace(file, runs={f"controller_{controller}": file.runs[f"controller_{controller}"]})
 
 
+def holding(file: TraceFile, variables: dict[str, Any], time: Any = None) -> TraceFile:
+    """The file with other variables of its run, and with other times if some are given."""
+    ((name, trace),) = file.runs.items()
+    other = replace(trace, time=trace.time if time is None else time, variables=variables)
+    return replace(file, runs={name: other})
+
+
 def rounded(file: TraceFile, torque: float = 0.0, angle_deg: float = 0.0, every: int = 1) -> TraceFile:
     """The file as a recorder of few digits, or a slow one, would keep it, every column rounded.
 
@@ -58,15 +65,10 @@ def rounded(file: TraceFile, torque: float = 0.0, angle_deg: float = 0.0, every:
     def coarse(values: Any, step: float) -> Any:
         return np.round(values / step) * step if step else values
 
-    name, trace = next(iter(file.runs.items()))
-    values = {
-        "q_encoder": coarse(trace["q_encoder"], np.deg2rad(angle_deg)),
-        "q_d": coarse(trace["q_d"], np.deg2rad(angle_deg)),
-        "tau_m": coarse(trace["tau_m"], torque),
-    }
-    variables = {key: value[::every] for key, value in values.items()}
-    coarser = Trace(name, trace.time[::every], trace.joint, variables, trace.attributes)
-    return replace(file, runs={name: coarser})
+    (trace,) = file.runs.values()
+    steps = {"q_encoder": np.deg2rad(angle_deg), "q_d": np.deg2rad(angle_deg), "tau_m": torque}
+    variables = {name: coarse(trace[name], step)[::every] for name, step in steps.items()}
+    return holding(file, variables, trace.time[::every])
 
 
 @pytest.fixture
@@ -166,14 +168,12 @@ def test_no_reading_of_the_package_is_taken_for_another_controller(reading: str)
 def test_a_log_with_lost_samples_and_a_jittering_clock(derivatives: bool) -> None:
     """Where a rounded desired angle alone was recorded, its spline bridges them."""
     file = run() if derivatives else rounded(run(), torque=1e-3, angle_deg=0.001)
-    name, trace = next(iter(file.runs.items()))
+    (trace,) = file.runs.values()
     rng = np.random.default_rng(2)
     kept = np.sort(rng.choice(len(trace.time), size=int(0.97 * len(trace.time)), replace=False))
     time = trace.time[kept] + rng.normal(scale=2e-5, size=len(kept))
     names = [key for key in ("q_encoder", "q_d", "dq_d", "ddq_d", "tau_m") if key in trace]
-    held = {key: trace[key][kept] for key in names}
-    other = Trace(name, time, trace.joint, held, trace.attributes)
-    one = joint_3(replace(file, runs={name: other}))
+    one = joint_3(holding(file, {key: trace[key][kept] for key in names}, time))
     assert (one.answer, one.weights) == (RECOVERED, "interpolating")
     assert one.best.samples > 0.5 * len(trace.time)
 
@@ -201,8 +201,7 @@ def test_another_controller_is_none_of_these() -> None:
     trace = run().runs["controller_1"]
     torque = 300.0 * trace["e"] + 5.0 * np.gradient(trace["e"], trace.time, axis=0)
     held = {"q_encoder": trace["q_encoder"], "q_d": trace["q_d"], "tau_m": torque}
-    other = Trace("other", trace.time, trace.joint, held, trace.attributes)
-    assert joint_3(replace(run(), runs={"other": other})).answer == NONE
+    assert joint_3(holding(run(), held)).answer == NONE
 
 
 @pytest.mark.parametrize(
@@ -221,8 +220,7 @@ def test_a_pid_is_time_delay_control_with_gains_of_its_own(K_d: float, K_p: floa
     acceleration = trace["ddq_d"][2:] - np.diff(q, n=2, axis=0) / L**2
     held = {name: trace[name][2:] for name in ("q_encoder", "q_d", "dq_d", "ddq_d")}
     held["tau_m"] = np.cumsum(K_d * L * (acceleration + 10.0 * de[1:] + K_p * e[2:]), axis=0)
-    other = Trace("other", trace.time[2:], trace.joint, held, trace.attributes)
-    one = joint_3(replace(run(), runs={"other": other}))
+    one = joint_3(holding(run(), held, trace.time[2:]))
     assert one.answer == answer
     assert one.best.parameters[2] == pytest.approx(K_d * L, rel=1e-6)
     assert ("M_bar" in one.advice) == (answer == NONE)
@@ -337,8 +335,8 @@ def test_numbers_are_those_of_another_least_squares(monkeypatch: pytest.MonkeyPa
     (trace,) = of_joint_3(run(controller=3)).runs.values()
     tau = trace["tau_m"] + np.random.default_rng(5).normal(scale=3e-4, size=trace["tau_m"].shape)
     signals = {name: trace[name] for name in ("q_encoder", "q_d", "dq_d", "ddq_d")} | {"tau_m": tau}
-    noisy = Trace(trace.name, trace.time, trace.joint, signals, trace.attributes)
-    data = controller_data(joint_3(replace(run(controller=3), runs={trace.name: noisy})))
+    noisy = replace(run(controller=3), runs={trace.name: replace(trace, variables=signals)})
+    data = controller_data(joint_3(noisy))
     q, q_d, dq_d, ddq_d, tau = (values[:, 0] for values in signals.values())
     L, k = 1e-3, np.arange(4, len(q))
     ddq = np.zeros_like(q)
@@ -439,10 +437,9 @@ def test_a_lone_commanded_torque_whose_estimator_stores_the_applied_one() -> Non
     """One sample late, and nothing but the command in the log."""
     late = ("manipulator.actuator.output_delay", 1), ("reference.amplitude", 4)
     file = run("stored_torque=applied", more=late)
-    name, trace = next(iter(file.runs.items()))
+    (trace,) = file.runs.values()
     held = {key: trace[key] for key in ("q_encoder", "q_d", "dq_d", "ddq_d")} | {"tau_m": trace["tau_cmd"]}
-    other = Trace(name, trace.time, trace.joint, held, trace.attributes)
-    one = joint_3(replace(file, runs={name: other}))
+    one = joint_3(holding(file, held))
     assert (one.answer, one.weights) == (RECOVERED, "interpolating")
     assert "logged_torque=commanded" in one.best.hypothesis.name
 
