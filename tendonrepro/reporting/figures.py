@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from tendonrepro.configuration.models.readings import BOTH, GROUPS, PRINTED, STARTS_APART, STEPS
-from tendonrepro.configuration.published import published
+from tendonrepro.monte_carlo.shares import printed_ratios
 from tendonrepro.reporting.contents import Row, Shown
 from tendonrepro.results.figures import style
-from tendonrepro.results.summary import CONTROLLERS
 from tendonrepro.verdicts.words import percent
 
 ANSWER = {
@@ -32,8 +31,7 @@ def draw_answer(shown: Shown) -> style.Drawing:
     figure = style.open_figure(style.PAGE_MM, 74.0)
     panel = figure.subplots()
     rows = [(shown.box[name], *row) for name, row in ANSWER.items() if name in shown.box]
-    errors = [published().number(f"table2.{name}.mae.joint_2") for name in CONTROLLERS[:2]]
-    paper = errors[0] / errors[1]
+    (paper,) = printed_ratios((0, 1), "mae", [2])
     panel.axvspan(_ANSWER_RATIO[0], 1.0, color="#E4EAF1", linewidth=0.0, zorder=0.0)
     panel.axvline(1.0, color="#888888", linewidth=0.8)
     panel.axvline(paper, color=_PAPER, linewidth=1.4, linestyle=(0.0, (4.0, 2.0)))
