@@ -16,6 +16,7 @@ from tendonrepro.configuration.models.readings import (
 )
 from tendonrepro.experiments.loops import build_loops
 from tendonrepro.experiments.rig import build_drive, build_plant
+from tendonrepro.monte_carlo.ensemble import load_study
 
 DRAWS = 256
 
@@ -118,7 +119,8 @@ def test_replicates_and_seeds_are_scrambled_on_their_own():
 
 
 def test_firm_population_holds_rows_of_low_confidence():
-    firm = box().only(("high", "medium"))
+    asked = ["populations.box.confidences=[high, medium]"]
+    firm = load_study(None, asked, None, "printed").population
     values = firm.sample(1, 0, 0, 64)
     for i, row in enumerate(firm.rows):
         if row.confidence == "low":

@@ -11,6 +11,7 @@ from tendonrepro.configuration.models.control import LOADED, RUNS
 from tendonrepro.configuration.models.readings import PRINTED, VARIATIONS, default_readings
 from tendonrepro.configuration.published import published
 from tendonrepro.results.summary import CONTROLLERS
+from tendonrepro.verdicts.from_ensemble import HARDWARE
 from tendonrepro.verdicts.statements import HALVED, IDEAL, IDEAL_LONGER, IDEAL_SHORTER, LONGER, SHORTER
 
 OK_NAMES = {"exact", "reproduced", "compatible"}
@@ -88,13 +89,15 @@ PARTS = [
 class TestEveryClaimCanFail:
     @pytest.mark.parametrize("claim", OPPOSITES)
     def test_the_opposite_is_contradicted(self, data, paper, claim):
-        assert verdict_on(data, paper, claim).verdict == "compatible"
+        before = verdict_on(data, paper, claim)
+        assert (before.verdict, HARDWARE in before.evidence["remarks"]) == ("compatible", False)
         for run, reading, names, factor in OPPOSITES[claim]:
             spoil(data, run, names, factor, reading)
         found = verdict_on(data, paper, claim)
         assert (found.verdict, found.ours) == ("contradicted", 0.0)
         assert {row["verdict"] for row in found.evidence["statements"]} == {"contradicted"}
         assert found.evidence["opposite"]["share"] == 1.0
+        assert HARDWARE in found.evidence["remarks"]
 
     @pytest.mark.parametrize(("claim", "run", "reading", "names", "factor", "word"), PARTS)
     def test_a_part_that_fails_is_no_opposite(self, data, paper, claim, run, reading, names, factor, word):
