@@ -55,6 +55,12 @@ def test_radius_and_decay_are_those_of_the_loop():
         assert found().modes[run]["decay"] == pytest.approx(decay_of(view), rel=1e-9)
 
 
+def test_the_print_stands_beside_the_ratios_of_the_paper_s_arm_alone():
+    printed = {"c1_c2": [0.311 / 0.375, 0.261 / 0.292], "c2_c3": [0.375 / 0.436, 0.292 / 0.349]}
+    assert found().printed == {pair: pytest.approx(ratios) for pair, ratios in printed.items()}
+    assert found("manipulator.name=mine").printed == {}
+
+
 def test_delay_leaves_plain_estimation_alternating():
     """docs/findings.md: at 500 Hz 0.13 1/s with Controller 2, and no such mode with Controller 1."""
     two, one = (found(DELAY, APPLIED).modes[run] for run in ("controller_2", "controller_1"))

@@ -356,6 +356,13 @@ def test_hash_covers_what_determines_results(override: str) -> None:
     assert changed.base.overrides == (override,)
 
 
+def test_an_ensemble_has_one_population() -> None:
+    second = "populations.firm={confidences: [high], share: {value: 1, unit: '1', source: 'assumed: a test'}}"
+    for override in (second, "populations.box.share=0.5"):
+        with pytest.raises(ConfigError, match="populations"):
+            load_ensemble(None, overrides=[override])
+
+
 def test_a_seed_is_an_override() -> None:
     loaded = load_ensemble(None, seed=5)
     assert loaded.config.seed.si == 5
