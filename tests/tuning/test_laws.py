@@ -16,7 +16,7 @@ from tendonrepro.experiments.user_law import UserLaw
 from tendonrepro.monte_carlo.population import population_of
 from tendonrepro.physics.control import error_rate, start_memory
 from tendonrepro.physics.drive import Encoder
-from tendonrepro.physics.dynamics import frictionless
+from tendonrepro.physics.dynamics import frictionless, load_at_rest
 from tendonrepro.simulation.loop import TimeDelayController
 from tendonrepro.simulation.stepper import simulate
 from tendonrepro.tuning.bench import (
@@ -137,6 +137,12 @@ def test_super_twisting_by_hand() -> None:
     tau, integral, s, de = super_twisting(start_memory(nothing, nothing), *given)
     assert np.allclose([s, de, integral], [[2.0, -2.0], nothing, [0.01, -0.008]])
     assert np.allclose(tau - integral, np.array([0.1, -0.08]) * 5.0 * np.sqrt(2.0))
+
+
+def test_the_known_torque_holds_the_arm_at_the_start_of_a_motion() -> None:
+    loop = nominal().loops[0]
+    torque, _ = known_along(loop.plant, loop.reference)
+    assert np.allclose(torque[0], load_at_rest(loop.reference.q_d[0], loop.plant))
 
 
 def test_super_twisting_on_lanes_is_the_function_itself() -> None:
