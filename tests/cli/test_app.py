@@ -19,6 +19,7 @@ from support.command import SHORT, answer, hear_interrupts, run
 from typer.testing import CliRunner
 
 import tendonrepro as tr
+from tendonrepro import cli
 from tendonrepro.cli.app import RETIRED, add_command, app, main, show
 from tendonrepro.configuration.load import shipped_folder
 from tendonrepro.configuration.strict_yaml import read_text
@@ -130,6 +131,20 @@ def test_an_interrupt_within_the_import_of_a_compiled_module_is_an_interrupt(
         signal.signal(signal.SIGINT, kept)
     assert ended.value.code == 130
     assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_an_interrupt_before_the_command_line_is_there_is_told_as_asked(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("tendonrepro.cli.app.main", interrupted)
+    monkeypatch.setattr(sys, "argv", ["tendonrepro", "compare", "--json"])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 130
+    assert json.loads(capsys.readouterr().out)["error"]["code"] == 130
 
 
 @pytest.mark.slow
