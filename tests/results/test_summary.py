@@ -129,15 +129,20 @@ def test_a_trace_has_the_statistics_of_the_batch() -> None:
     loops = all_loops(loaded)
     batch = simulate_batch([*loops.values()], record=True)
     assert batch.traces is not None
+    reached = []
     for k, (name, loop) in enumerate(loops.items()):
         variables = dict(batch.traces[k] or {})
         trace = Trace(name, variables.pop("time"), loaded.config.joints, variables, {})
         found = statistics(trace)
         found["saturated"] = saturated(trace, loop.plant.drive.S, loop.actuator.limit)
+        torque, limit = np.abs(trace["tau_m"] @ loop.plant.drive.S), loop.actuator.limit
+        reached.append(np.isclose(torque, limit, rtol=1e-9, atol=0.0).mean(axis=0))
+        assert found["saturated"] == pytest.approx(reached[-1])
         assert len(found) == 32
         for statistic, values in found.items():
             expected = batch.statistics[statistic][k]
             np.testing.assert_allclose(values, expected, rtol=1e-9, err_msg=f"{name} {statistic}")
+    assert np.max(reached) > 0.0, "no motor gives all it can"
 
 
 @pytest.mark.parametrize("sample", [0, 1, 700])
