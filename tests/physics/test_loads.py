@@ -58,3 +58,8 @@ class TestNoise:
         tenths = np.array_split(power[:, inside], 10, axis=1)
         # 30 sines are expected in a tenth of the band.
         assert all((part.sum(axis=1) > 0.03 * power.sum(axis=1)).all() for part in tenths)
+
+    def test_no_instant_is_special(self) -> None:
+        """Phases point everywhere alike; with more on one side the noise begins stronger or weaker."""
+        many = noise_disturbance(np.abs(TORQUE), BAND, 30_000, np.random.default_rng(1))
+        assert (np.abs(np.exp(1j * many.phase).mean(axis=1)) < 0.02).all()
