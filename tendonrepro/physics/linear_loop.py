@@ -104,26 +104,17 @@ def law_matrices(law: Law, delay: int = 0, *, driven: bool = False) -> tuple[Arr
     return queue[:n], np.concatenate([*(part.reshape(-1, width) for part in after), queue[n:]])
 
 
-def closed(Phi: Array, Gamma: Array, output: Array, memory: Array) -> Array:
-    """Join sampled plants and laws, of `hold_discretised` and `law_matrices`; leading axes broadcast."""
-    motion = Gamma @ output
-    motion[..., : Phi.shape[-1]] += Phi
-    lead = np.broadcast_shapes(motion.shape[:-2], memory.shape[:-2])
-    parts = (np.broadcast_to(part, lead + part.shape[-2:]) for part in (motion, memory))
-    return np.concatenate(list(parts), axis=-2)
-
-
 def open_loop(q: Array, plant: Plant, law: Law, delay: int = 0) -> tuple[Array, Array, Array]:
     """Loop cut before the plant: ``z[k+1] = A z[k] + B v[k]``, ``tau_m[k] = C z[k]``.
 
     ``v = tau_m`` closes it. The law remembers ``C z`` whatever the plant feels, as with a wrong torque
     constant.
     """
-    n = q.size
     output, memory = law_matrices(law, delay)
     Phi, Gamma = hold_discretised(*plant_matrices(q, plant), law.L)
-    A, B = closed(Phi, 0.0 * Gamma, output, memory), np.zeros_like(output.T)
-    B[: 4 * n] = Gamma
+    moved, m = len(Phi), output.shape[1]
+    A, B = np.zeros((m, m)), np.zeros((m, q.size))
+    A[:moved, :moved], A[moved:], B[:moved] = Phi, memory, Gamma
     return A, B, output
 
 

@@ -199,6 +199,17 @@ class TestShippedPlant:
             assert brentq(rate, 1.0, 6.0, xtol=1e-5) == pytest.approx(known, abs=6e-4)
 
 
+def test_decay_rate_is_that_of_the_slowest_posture_under_its_delay():
+    config = shipped()
+    plant, law = build_plant(config, 0.0), build_law(config, "controller_1")
+    rates = []
+    for delay in (0, 2):
+        radii = [np.abs(np.linalg.eigvals(loop_matrix(q, plant, law, delay))).max() for q in POSTURES]
+        rates.append(decay_rate(POSTURES, plant, law, delay))
+        assert rates[-1] == pytest.approx(-np.log(max(radii)) / L, abs=1e-7)
+    assert abs(rates[0] - rates[1]) > 1e-4
+
+
 @pytest.mark.parametrize(
     ("newest", "known"), [(1, [0.01226, 0.01118, 0.01034]), (0, [0.00505, 0.00461, 0.00430])]
 )
