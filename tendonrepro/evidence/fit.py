@@ -308,6 +308,8 @@ def _with_cutoff_slope(log: Log, joint: int, hypothesis: Hypothesis, rows: Rows,
 
 def _jackknife_half_width(left_out: Array) -> Array:
     """Half the 90 % interval by the jackknife, from values with one group left out each."""
+    if not np.isfinite(left_out).all():
+        return np.full(left_out.shape[1:], np.inf)  # nothing is known, which is not a disagreement
     return np.asarray(NINETY * np.sqrt((len(left_out) - 1) * left_out.var(axis=0)))
 
 
