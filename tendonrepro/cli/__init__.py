@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import gc
 import json
 import sys
@@ -11,6 +12,8 @@ def main() -> None:
     """Run the command line and leave with its exit code, also if interrupted before it can hear of it."""
     # What imports make stays. Looking it through for garbage time and again takes a twentieth of a command.
     gc.set_threshold(20_000, 50, 50)
+    # What is left at the end dies with this process, which would look it through for 0.2 s.
+    atexit.register(gc.freeze)
     try:
         from tendonrepro.cli.app import main as run
 
@@ -23,9 +26,6 @@ def main() -> None:
         else:
             sys.stderr.write("error: interrupted\n")
         sys.exit(130)
-    finally:
-        # What is left ends with this process, which would look it through for 0.2 s.
-        gc.freeze()
 
 
 __all__ = ["main"]

@@ -134,7 +134,7 @@ def test_where_no_plant_can_be_tuned_the_rest_is_answered(
     told: Any, place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(reproduction, "TUNED", {**reproduction.TUNED, "plants": 1})
-    monkeypatch.setattr("tendonrepro.tuning.tuning.usable", lambda _: False)
+    monkeypatch.setattr("tendonrepro.tuning.bench.usable", lambda _: False)
     monkeypatch.chdir(place)
     found = tr.reproduce(config="mine/compare.yaml", tune=True, figures=False, set=MOTION, out="reports/own")
     assert [*found] == ["answer", "explain", "compare", "ensemble"]
