@@ -223,7 +223,7 @@ def mix_case(draws=MIX_DRAWS, turns=TURNS):
     from tendonrepro.simulation.batch import simulate_batch
 
     study = load_study(None, (), None, "default")
-    box = study.populations["box"]
+    box = study.population
     loops = [*chain.from_iterable(box.loops(box.sample(study.seed, 0, 0, draws), study.cases))]
     simulate_batch(loops)  # compiles what is not there yet
     seconds = statistics.median(seconds_of(lambda: simulate_batch(loops)) for _ in range(turns))

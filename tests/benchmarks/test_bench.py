@@ -18,6 +18,7 @@ import pytest
 import recovery
 from support import ROOT
 
+from tendonrepro.monte_carlo.ensemble import load_study
 from tendonrepro.physics.dynamics import state_derivative
 from tendonrepro.simulation.stepper import simulate
 
@@ -63,6 +64,13 @@ def test_batch_cases_have_the_contracts_keys() -> None:
     assert all(found[name]["bars"]["max_error_rad"]["bar"] == 1e-8 for name in barred)
     assert found["batch_one_core"]["steps"] == [2]
     assert found["batch_one_core"]["targets"].keys() == {"ratio_to_numba_rk4", "ratio_to_solve_ivp"}
+
+
+@pytest.mark.slow
+def test_the_mix_runs_every_case_of_a_draw() -> None:
+    found = batch.mix_case(draws=1, turns=1)
+    assert found["experiments_per_second"] > 0.0
+    assert found["what"].startswith(f"{len(load_study(None, (), None, 'default').cases)} runs")
 
 
 def test_plants_of_a_batch_differ_and_baselines_have_the_same_ones() -> None:
